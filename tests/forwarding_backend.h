@@ -56,6 +56,7 @@ class ForwardingBackend : public Backend, public Sampling {
                        std::stop_token stop) override {
     return to_->sampling().take_samples(for_spacing, for_noise, stop);
   }
+  void foresee_nearest(int count) override { to_->sampling().foresee_nearest(count); }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
     to_->sampling().for_each_on_host(count, body);
   }

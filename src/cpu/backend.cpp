@@ -216,8 +216,8 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   // As many as faired positions.
   void make_room_for_upload() { uploaded_.resize((std::size_t(points_) + kLeafSize - 1) / kLeafSize * kLeafSize); }
 
-  // An index that is built anew takes its points from the old one, which holds them all. The chain may give other memory
-  // than it got, which has room for the valid points alone.
+  // An index that is built anew takes its points from the old one, which holds them all. The chain may give other
+  // memory than it got, which has room for the valid points alone.
   void restore_upload() {
     first_.swap_faired(uploaded_);
     make_room_for_upload();

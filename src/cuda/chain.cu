@@ -42,6 +42,7 @@ void Chain::pace(const std::stop_token& stop) {
 
 void Chain::begin_stage(Stage stage, const std::stop_token& stop) {
   throw_if_stopped(stop);
+  if (stage != Stage::neighbors) forget_foreseen();  // neighbourhoods were there already
   stop_ = stop_line_.listen(stop, first_call_ + unsigned(stage));
   if (index_.points() < kLargeCloud) return throw_if_stopped(stop);
   pace(stop);

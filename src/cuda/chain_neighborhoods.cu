@@ -76,10 +76,11 @@ void Chain::find_all_nearest(int count, DeviceArray<Index>& nearest, const Stop&
   find_nearest(context_, index_.tree(), index_.state(), {count, kNoLimit}, nearest.data(), make_room(retries), stop);
 }
 
-// It hears no stop: a later run may use what it finds.
+// It hears no stop: a later run may use what it finds. What stages have counted may still be asked for.
 void Chain::foresee_nearest(int count) {
   join();
-  if (!std::exchange(counts_clear_, false)) clear(offsetof(CloudState, leaf_retries), sizeof(CloudState));
+  if (!std::exchange(counts_clear_, false))
+    clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
   try {
     find_all_nearest(count, foreseen_, {});
     foreseen_count_ = count;

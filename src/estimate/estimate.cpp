@@ -318,7 +318,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
   Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), for_noise, stop);
   if (!wanted.noise) return {spacing_of(samples.spacing), {}};
-  if (wanted.nearest > 0) from.foresee_nearest(wanted.nearest);
+  if (wanted.nearest > 0 && !for_noise.empty()) from.foresee_nearest(wanted.nearest);
   const NearestRows nearest(for_noise.size(), std::move(samples.near), [&](std::size_t count, int neighbors) {
     std::vector<Point> rows(count * std::size_t(neighbors + 1));
     from.sample_neighborhoods(for_noise.first(count), neighbors, rows);

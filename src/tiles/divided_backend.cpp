@@ -120,6 +120,12 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     return costs;
   }
 
+  // A stage that was given up is computed anew in any case, but the first device must not find the stop again.
+  std::optional<StageOf> take_stopped() override {
+    whole_->take_stopped();
+    return std::nullopt;
+  }
+
   Sampling& sampling() override { return *this; }
   ManyClouds* many_clouds() override { return whole_->many_clouds(); }
   DeviceMemory* device_memory() override { return whole_->device_memory() == nullptr ? nullptr : this; }
