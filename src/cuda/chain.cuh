@@ -63,7 +63,7 @@ class Chain {
   void sample_neighborhoods(const RowRequest& request);
   void take_samples(const SampleArrays& samples);
   // The search that find_neighbors() begins with where it measures radii by as many nearest points or fewer. Not at all
-  // where memory is short.
+  // where memory is short, or the cloud large.
   void foresee_nearest(int count);
   // The tree that samples of many clouds are taken by.
   Tree sampled_tree() {

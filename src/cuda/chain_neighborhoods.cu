@@ -10,6 +10,7 @@ namespace {
 
 constexpr float kNoLimit = __builtin_inff();
 constexpr std::size_t kLargestCollection = 1024;  // bytes a point
+constexpr std::size_t kMostForeseen = 1 << 22;    // points: beyond, more neighbours than needed cost more than it saves
 
 }  // namespace
 
@@ -78,6 +79,7 @@ void Chain::find_all_nearest(int count, DeviceArray<Index>& nearest, const Stop&
 
 // It hears no stop: a later run may use what it finds. What stages have counted may still be asked for.
 void Chain::foresee_nearest(int count) {
+  if (index_.points() > kMostForeseen) return;
   join();
   if (!std::exchange(counts_clear_, false))
     clear(offsetof(CloudState, leaf_retries), offsetof(CloudState, too_few_neighbors));
