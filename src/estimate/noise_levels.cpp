@@ -141,12 +141,11 @@ double noise_of(const Curve& curve, double typical) {
   }
   const double best = *std::min_element(misfit.begin(), misfit.end());
   // one thing a loop, so that compilers make vectors of each
-  std::array<double, kModels>&likelihood = misfit, &noise = log_noise;
   constexpr double kNextToNone = -690;  // its exponential is lost beside the best one's, which is 1
-  for (double& its : likelihood) its = -0.5 * (its - best);
-  for (double& its : likelihood) its = its < kNextToNone ? kNextToNone : its;
+  std::array<double, kModels> likelihood, noise;
+  for (std::size_t n = 0; n < kModels; ++n) likelihood[n] = std::max(-0.5 * (misfit[n] - best), kNextToNone);
   for (double& its : likelihood) its = portable::exp_within_700(its);
-  for (double& its : noise) its = portable::exp_within_700(0.5 * its);
+  for (std::size_t n = 0; n < kModels; ++n) noise[n] = portable::exp_within_700(0.5 * log_noise[n]);
   double sum = 0, all_likelihoods = 0;
   for (std::size_t n = 0; n < kModels; ++n) {
     sum += likelihood[n] * noise[n];
