@@ -127,7 +127,7 @@ TEST(Evening, steps_along_the_surface_and_little_across) {
   const std::uint32_t v = 4 * 9 + 4;
   stays[prepared.vertices.of_point[v]] = 0;
   Points places = prepared.places(mesh.points);
-  even_out(prepared.faces, stays, share, sigma, places, one_after_the_other);
+  even_out(prepared.faces, stays, share, std::vector(places.size(), sigma), places, one_after_the_other);
   const Points moved = prepared.points(places);
   Points expected = mesh.points;
   double e = 0;
@@ -161,13 +161,48 @@ TEST(Evening, no_vertex_goes_farther_than_three_sigma) {
   const std::vector<std::uint8_t> stays(mesh.points.size(), 0);
   const Prepared prepared(mesh);
   Points places = prepared.places(mesh.points);
-  even_out(prepared.faces, stays, 1, 0.01, places, one_after_the_other);
+  even_out(prepared.faces, stays, 1, std::vector(places.size(), 0.01), places, one_after_the_other);
   const Points moved = prepared.points(places);
   double farthest = 0;
   for (std::uint32_t i = 0; i < moved.size(); ++i)
     farthest = std::max(farthest, (at(moved, i) - at(mesh.points, i)).norm());
   EXPECT_LT(farthest, 0.03 * (1 + 1e-5));
   EXPECT_GT(farthest, 0.0299);
+}
+
+// By the counted paths of two rings.
+TEST(Evening, steps_of_the_rings_tell_the_noise) {
+  const Mesh before = noisy(9, Sides::triangles, 0.3), after = noisy(9, Sides::triangles, 0.3, 77);
+  const Prepared prepared(before);
+  const auto count = std::uint32_t(before.points.size());
+  Eigen::MatrixXd paths = Eigen::MatrixXd::Identity(count, count);
+  for (const Face& face : before.faces)
+    for (std::size_t i = 0; i < face.size(); ++i) {
+      const std::uint32_t v = face[i], w = face[(i + 1) % face.size()];
+      paths(v, w) += 1, paths(w, v) += 1;
+    }
+  std::vector<std::uint8_t> stays(count, 0);
+  Eigen::VectorXd squares(count), moves(count);
+  for (std::uint32_t v = 0; v < count; ++v) {
+    stays[prepared.vertices.of_point[v]] = v % 7 == 0;
+    moves(v) = v % 7 != 0;
+    squares(v) = moves(v) * (at(after.points, v) - at(before.points, v)).squaredNorm();
+  }
+  const double most = 0.1;
+  const std::vector<double> noise = noise_by_steps(prepared.faces, stays, most, prepared.places(before.points),
+                                                   prepared.places(after.points), one_after_the_other);
+  const Eigen::VectorXd sums = paths * (paths * squares), counts = paths * (paths * moves);
+  std::uint32_t bounded = 0;
+  for (std::uint32_t v = 0; v < count; ++v) {
+    const double expected = 1.2 * std::sqrt(sums(v) / counts(v));
+    bounded += expected > most;
+    EXPECT_NEAR(noise[prepared.vertices.of_point[v]], std::min(most, expected), 1e-6) << "vertex " << v;
+  }
+  EXPECT_GT(bounded, 5u);
+  EXPECT_LT(bounded, count - 5);
+  for (const double its : noise_by_steps(prepared.faces, stays, most, prepared.places(before.points),
+                                         prepared.places(before.points), one_after_the_other))
+    EXPECT_EQ(its, 0);
 }
 
 TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
@@ -217,6 +252,21 @@ TEST(Mesh, faces_unfold_and_clean_meshes_stay) {
   EXPECT_EQ(run(clean, points).folded_after, 0u);
   for (std::uint32_t i = 0; i < points.size(); ++i)
     ASSERT_LT((at(points, i) - at(clean.points, i)).norm(), 1e-4 / 40) << "point " << i;
+}
+
+TEST(Mesh, where_the_method_moves_nothing_nothing_evens_out) {
+  Mesh mesh = noisy(40, Sides::triangles, 0.2);
+  for (Point& point : mesh.points) point.z = 0;
+  Pipeline pipeline(Device(Device::cpu, 0, 2));
+  pipeline.load(mesh.points);
+  pipeline.set_faces(meshes::polygons_of(mesh.faces));
+  Params params;
+  params.connectivity = Connectivity::mesh;
+  params.noise = 0.3 / 40;
+  Points points(mesh.points.size());
+  pipeline.run(params, points);
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    ASSERT_LT((at(points, i) - at(mesh.points, i)).norm(), 1e-3 / 40) << "point " << i;
 }
 
 }  // namespace

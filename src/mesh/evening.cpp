@@ -16,6 +16,8 @@ using Vec = point::Vec3<double>;
 
 constexpr int kRounds = 5, kMostRounds = 10;      // of untangle()
 constexpr double kFarthest = 3;                   // sigmas
+constexpr int kRings = 2;                         // whose steps tell a vertex's noise
+constexpr double kNoiseOverSteps = 1.2;           // a part of the noise stays
 constexpr double kAcross = 1, kMostAcross = 0.5;  // of e
 
 // Of a face: the products A n n^T, which are symmetric, and A; all zero for a face without area.
@@ -74,7 +76,7 @@ Around look_around(const OrderedFaces& faces, std::span<const Point> places, std
   return its;
 }
 
-// The e of a vertex.
+// The e of a vertex with noise sigma.
 double across_at(const OrderedFaces& faces, std::span<const Point> places, std::uint32_t v, double sigma) {
   const Vec here = place_of(places, v);
   const std::span<const OrderedFaces::Beside> beside = faces.beside(v);
@@ -95,13 +97,51 @@ Vec stepped(const Around& around, std::span<const Point> places, std::uint32_t v
 
 Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
+// `to`, or what lies towards it from `from`, no farther than 3 sigma.
+Point within_reach(Vec from, Vec to, double sigma) {
+  const Vec way = to - from;
+  const double length = std::sqrt(squared_length(way)), farthest = kFarthest * sigma;
+  return to_point(from + (length > farthest ? farthest / length : 1.0) * way);
+}
+
 }  // namespace
 
-void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double share, double sigma,
-              std::span<Point> places, const ForEach& for_each) {
+std::vector<double> noise_by_steps(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double sigma,
+                                   std::span<const Point> input, std::span<const Point> places,
+                                   const ForEach& for_each) {
+  struct Steps {
+    double squares = 0, count = 0;
+    void add(const Steps& other) { squares += other.squares, count += other.count; }
+  };
+  std::vector<Steps> steps(places.size()), around(places.size());
+  const auto for_vertices = [&](const auto& body) {
+    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (auto v = std::uint32_t(first); v < last; ++v) body(v);
+    });
+  };
+  for_vertices([&](std::uint32_t v) {
+    if (stays[v] == 0 && is_indexed(places[v]))
+      steps[v] = {squared_length(place_of(places, v) - place_of(input, v)), 1};
+  });
+  for (int ring = 0; ring < kRings; ++ring) {
+    for_vertices([&](std::uint32_t v) {
+      around[v] = steps[v];
+      for (const OrderedFaces::Beside& its : faces.beside(v))
+        around[v].add(steps[its.after]), around[v].add(steps[its.before]);
+    });
+    steps.swap(around);
+  }
+  std::vector<double> noise(places.size());
+  for_vertices([&](std::uint32_t v) {
+    if (steps[v].count > 0) noise[v] = std::min(sigma, kNoiseOverSteps * std::sqrt(steps[v].squares / steps[v].count));
+  });
+  return noise;
+}
+
+void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double share,
+              std::span<const double> noise, std::span<Point> places, const ForEach& for_each) {
   const std::vector<Point> start(places.begin(), places.end());
   std::vector<Point> before(places.size());
-  const double farthest = kFarthest * sigma;
   std::vector<double> across(places.size());
   const auto moments = std::make_unique_for_overwrite<FaceMoment[]>(faces.size());  // met on all threads first
   for (int round = 0; round < kRounds; ++round) {
@@ -114,17 +154,17 @@ void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, do
         if (stays[v] != 0 || !is_indexed(before[v])) continue;
         const Around around =
             look_around(faces, before, v, [&](std::uint32_t f) -> const FaceMoment& { return moments[f]; });
-        if (round == 0) across[v] = across_at(faces, before, v, sigma);
-        const Vec from = place_of(start, v), way = stepped(around, before, v, share, across[v]) - from;
-        const double length = std::sqrt(squared_length(way));
-        places[v] = to_point(from + (length > farthest ? farthest / length : 1.0) * way);
+        if (round == 0) across[v] = across_at(faces, before, v, noise[v]);
+        places[v] = within_reach(place_of(start, v), stepped(around, before, v, share, across[v]), noise[v]);
       }
     });
   }
 }
 
-void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<Point> places) {
+void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<const double> noise,
+              std::span<Point> places) {
   const OrderedFaces& faces = folds.faces();
+  const std::vector<Point> start(places.begin(), places.end());
   std::vector<std::uint8_t> moves(places.size());
   for (int round = 0; round < kMostRounds; ++round) {
     std::vector<std::uint32_t> moved;
@@ -140,7 +180,8 @@ void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<Point
     std::vector<Point> there;
     const auto moment_of = [&](std::uint32_t f) { return face_moment(faces.corners(f), places); };
     for (const std::uint32_t v : moved)
-      there.push_back(to_point(stepped(look_around(faces, places, v, moment_of), places, v, 1, kMostAcross)));
+      there.push_back(within_reach(
+          place_of(start, v), stepped(look_around(faces, places, v, moment_of), places, v, 1, kMostAcross), noise[v]));
     for (std::size_t i = 0; i < moved.size(); ++i) places[moved[i]] = there[i], moves[moved[i]] = 0;
     folds.update(places, moved);
   }

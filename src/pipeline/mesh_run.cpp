@@ -105,9 +105,10 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
     for (std::size_t v = 0; v < places.size(); ++v)
       if (places[v].x == its.places[v].x && places[v].y == its.places[v].y && places[v].z == its.places[v].z)
         stays[v] = 1;
-    even_out(its.faces, stays, share, sigma_of(used), places, for_each);
+    const std::vector<double> noise = noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
+    even_out(its.faces, stays, share, noise, places, for_each);
     folds.emplace(its.faces, its.topology, places, for_each);
-    untangle(*folds, stays, places);
+    untangle(*folds, stays, noise, places);
   }
   if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
   unfold(*folds, its.folded, its.places, places);
