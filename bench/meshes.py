@@ -9,7 +9,8 @@ distance   mean distance of the vertices to the true surface, in mean edges
 normals    mean angle between faces' normals and the true ones, degrees
 folds      faces whose normal is more than 90 degrees off the true one
 volume     over that of the mesh without noise; - for open meshes
-pymeshlab, trimesh, open3d and libigl (with scipy) are compared where they are installed, with --peers; --sweep adds for
+pymeshlab, trimesh, open3d and libigl (with scipy) are compared where they are installed, with --peers, and on quads the
+smooth surface of Ni and others 2008; --sweep adds for
 each the best of a small sweep, chosen for each mesh, noise and measure, and counts the rows that the default method along
 the mesh loses. --table prints one row for each mesh
 and noise instead, with distance, normals and folds of each method; --summary the means over all meshes, and on how many
@@ -376,6 +377,24 @@ def libigl_peers():
     return {"libigl implicit": [with_delta(delta) for delta in (0.001, 0.00003, 0.0001, 0.0003, 0.003)]}
 
 
+def limit_of_quads(points, faces):
+    """Where the smooth surface of Ni and others 2008 (GPU smoothing of quad meshes) has the vertices: with four quads each
+    it is the bicubic B-spline of the quads, elsewhere it has the limits of Catmull and Clark, (n^2 v + 4 sum of the n
+    vertices across edges + sum of the n across quads) / (n (n + 5)). Vertices on a border stay."""
+    count, places = len(points), points
+    across = np.stack([faces, np.roll(faces, -2, 1)], -1).reshape(-1, 2)
+    sides = np.stack([faces, np.roll(faces, -1, 1)], -1).reshape(-1, 2)
+    quads = np.bincount(across[:, 0], minlength=count)[:, None]
+    # an edge within the mesh has two quads, which run along it both ways
+    edges = np.unique(np.concatenate([sides, sides[:, ::-1]]), axis=0)
+
+    def sums(pairs):
+        return np.stack([np.bincount(pairs[:, 0], places[pairs[:, 1], axis], count) for axis in range(3)], -1)
+    limit = (quads**2 * points + 4 * sums(edges) + sums(across)) / (quads * (quads + 5))
+    is_inner = np.bincount(edges[:, 0], minlength=count)[:, None] == quads
+    return np.where(is_inner, limit, points)
+
+
 def best_of(measures):
     """Each measure by itself; what is not finite loses."""
     distance, normals, folds = (min((m[i] for m in measures if np.isfinite(m[0])), default=np.inf) for i in range(3))
@@ -395,7 +414,7 @@ def print_table(rows, methods):
     for mesh, noise in dict.fromkeys((row[0], row[1]) for row in rows):
         cells = {row[2]: f"{row[3]:.3f} {row[4]:.1f} {row[5]}".replace("0.", ".", 1) if np.isfinite(row[3]) else "-"
                  for row in rows if row[:2] == (mesh, noise)}
-        print(f"| {mesh} | {noise} | " + " | ".join(cells[method] for method in methods) + " |")
+        print(f"| {mesh} | {noise} | " + " | ".join(cells.get(method, "") for method in methods) + " |")
 
 
 def print_summary(rows):
@@ -462,7 +481,8 @@ def main():
                 for method in options.methods:
                     results[method] = with_pointfair(options.program, POINTFAIR[method], noisy, faces, folder)[0]
                 measures = {method: measure(points, clean, faces, truth, edge) for method, points in results.items()}
-                for peer, runs in peers.items():
+                of_quads = {"limit of quads": [limit_of_quads]} if (options.peers or options.sweep) and faces.shape[1] == 4 else {}
+                for peer, runs in (peers | of_quads).items():
                     its = [measure(run(noisy, faces), clean, faces, truth, edge)
                            for run in (runs if options.sweep else runs[:1])]
                     measures[peer] = its[0]
