@@ -15,12 +15,13 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test walks wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
 	@echo "make demo     denoise an Armadillo and a real scan; errors, times and pictures in build/demo"
 	@echo "make test     all tests"
+	@echo "make walks    random walks through the calls of a pipeline, other ones each day (SEEDS='1 2 3')"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
 	@echo "make golden-aarch64  the program that make wheels WHEELS='linux-x86_64 linux-aarch64' made gives the known bytes in qemu"
@@ -68,6 +69,14 @@ test:
 	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON $(CMAKE_OPTIONS)
 	cmake --build build
 	ctest --test-dir build -j $(jobs) --output-on-failure
+
+# random walks through the calls of a pipeline, the same steps each time for the same seeds; default: three of today
+SEEDS ?= $(shell seq -s ' ' $$(date +%y%j0) $$(date +%y%j2))
+walks:
+	@$(install) build test
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=ON $(CMAKE_OPTIONS)
+	cmake --build build --target pointfair_tests
+	for seed in $(SEEDS); do echo "seed $$seed"; POINTFAIR_WALK_SEED=$$seed build/bin/pointfair_tests --gtest_brief=1 --gtest_filter='Walk.*' || exit 1; done
 
 # with CUDA, machine code for all cards
 wheel_build := $(if $(has_cuda),build/release,build)
