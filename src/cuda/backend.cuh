@@ -180,7 +180,8 @@ class CudaBackend final : public Backend,
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};
-  Chain first_{context_, stop_line_, 0}, further_{context_, stop_line_, kFurtherCalls};
+  CollectedRoom room_{context_};
+  Chain first_{context_, room_, stop_line_, 0}, further_{context_, room_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;  // whose results further_ holds; 0: none
   Upload upload_{context_};
   Links links_{context_};  // of cards that share clouds with this one

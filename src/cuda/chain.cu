@@ -10,8 +10,9 @@ constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all 
 
 }  // namespace
 
-Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
+Chain::Chain(Context& context, CollectedRoom& room, StopLine& stop_line, unsigned first_call)
     : context_(context),
+      room_(room),
       stop_line_(stop_line),
       first_call_(first_call),
       index_(context),
@@ -26,7 +27,7 @@ Chain::Chain(Context& context, StopLine& stop_line, unsigned first_call)
       further_share_(context),
       squared_radius_(context),
       squared_growth_(context),
-      collector_(context),
+      collector_(context, room),
       foreseen_(context),
       faired_(context) {}
 
@@ -73,6 +74,8 @@ void Chain::begin_index(const Point* points, const std::stop_token& stop) {
   input_ = points;
   areas_measured_ = normals_wait_ = false;
   forget_foreseen();
+  collector_.release();
+  room_.empty();  // sorting takes memory
 }
 
 point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places) {

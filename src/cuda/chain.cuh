@@ -4,8 +4,8 @@
 // paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
 // asked for; radii instead of lists 4, 4 more where the noise is followed and 4 where the reach differs, and what the
-// collector takes, up to kLargestCollection; while neighbours are found, 4, and with the constraint 4 more for each of
-// k candidates; while a large cloud is faired, 20.
+// collector takes, up to kLargestCollection, from a room that chains share; while neighbours are found, 4, and with the
+// constraint 4 more for each of k candidates; while a large cloud is faired, 20.
 #pragma once
 
 #include <limits>
@@ -27,8 +27,9 @@ namespace pointfair::cuda {
 
 class Chain {
  public:
-  // Stage calls listen to `stop_line` under the numbers of their stages, `first_call` added.
-  Chain(Context& context, StopLine& stop_line, unsigned first_call);
+  // Stage calls listen to `stop_line` under the numbers of their stages, `first_call` added. Chains that share `room`
+  // read neighbourhoods one after the other.
+  Chain(Context& context, CollectedRoom& room, StopLine& stop_line, unsigned first_call);
   Chain(const Chain&) = delete;
   Chain& operator=(const Chain&) = delete;
 
@@ -126,6 +127,7 @@ class Chain {
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
   Context& context_;
+  CollectedRoom& room_;
   StopLine& stop_line_;
   const unsigned first_call_;
   Stop stop_;    // of the last stage call

@@ -25,12 +25,13 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   unmoved_clear_ = true;
   normals_wait_ = false;
   measure_levels();
+  collector_.release();
   if (settings.k == 0) {
+    room_.empty();
     measure_radii(stop);
     collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
     return throw_if_stopped(stop);  // it has waited
   }
-  collector_.release();
   forget_foreseen();
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);

@@ -8,7 +8,8 @@ namespace {
 
 constexpr int kBlock = 128;
 constexpr int kWarps = kBlock / kWarp;
-constexpr std::size_t kExpectedParts = 24;  // of a leaf; the first guess
+constexpr double kExpectedParts = 24;  // of a leaf; the first guess
+constexpr double kMoreParts = 1.125;   // of those that were wanted the time before
 
 struct Room {
   NeighborPart* parts;
@@ -235,26 +236,11 @@ __global__ void __launch_bounds__(kBlock)
 
 }  // namespace
 
-NeighborCollector::NeighborCollector(Context& context)
-    : context_(context), parts_(context), next_(context), first_(context), count_(context) {}
-
-CollectedNeighbors NeighborCollector::collected() const {
-  return {complete_ ? parts_.data() : nullptr, next_.data(), first_.data()};
+void CollectedRoom::empty() {
+  if (holder_ != nullptr) holder_->set_aside();
 }
 
-void NeighborCollector::release() {
-  parts_.release();
-  next_.release();
-  complete_ = is_aside_ = false;
-}
-
-void NeighborCollector::set_aside() {
-  const bool was_complete = complete_;
-  release();
-  is_aside_ = was_complete;
-}
-
-bool NeighborCollector::make_room(std::size_t parts) {
+bool CollectedRoom::make(std::size_t parts) {
   try {
     parts_.resize(parts);
     next_.resize(parts);
@@ -265,11 +251,32 @@ bool NeighborCollector::make_room(std::size_t parts) {
   return true;
 }
 
+NeighborCollector::NeighborCollector(Context& context, CollectedRoom& room)
+    : context_(context), room_(room), first_(context), count_(context), parts_of_leaf_(kExpectedParts) {}
+
+CollectedNeighbors NeighborCollector::collected() const {
+  return {complete_ ? room_.parts_.data() : nullptr, room_.next_.data(), first_.data()};
+}
+
+void NeighborCollector::release() {
+  complete_ = is_aside_ = false;
+  if (room_.holder_ != this) return;
+  room_.holder_ = nullptr;
+  room_.parts_.release();
+  room_.next_.release();
+}
+
+void NeighborCollector::set_aside() {
+  const bool was_there = complete_ || is_aside_;
+  release();
+  is_aside_ = was_there;
+}
+
 std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, const Stop& stop) {
   check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing neighbourhoods");
-  const Index capacity = static_cast<Index>(std::min<std::size_t>(parts_.size(), point::kNoNeighbor));
+  const Index capacity = static_cast<Index>(std::min<std::size_t>(room_.parts_.size(), point::kNoNeighbor));
   collect_neighbors<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(
-      tree, radii, {parts_.data(), next_.data(), first_.data(), count_.data(), capacity}, stop);
+      tree, radii, {room_.parts_.data(), room_.next_.data(), first_.data(), count_.data(), capacity}, stop);
   check(cudaGetLastError(), "collecting neighbourhoods");
   Index count = 0;
   check(cudaMemcpyAsync(&count, count_.data(), sizeof(count), cudaMemcpyDeviceToHost, context_.stream()),
@@ -279,16 +286,19 @@ std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, 
 }
 
 void NeighborCollector::collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop) {
-  complete_ = is_aside_ = false;
+  release();
+  room_.empty();
+  room_.holder_ = this;
   first_.resize(std::max<std::size_t>(tree.leaves, 1) * kGroups);
   count_.resize(1);
   const std::size_t most = largest / (sizeof(NeighborPart) + sizeof(Index));
-  if (!make_room(std::min(most, std::max(parts_.size(), tree.leaves * kExpectedParts)))) return release();
+  if (!room_.make(std::min(most, std::size_t(parts_of_leaf_ * double(tree.leaves)) + kGroups))) return release();
   const std::size_t wanted = run(tree, radii, stop);
-  if (wanted > parts_.size()) {
-    if (wanted > most || !make_room(wanted)) return release();
+  if (wanted > room_.parts_.size()) {
+    if (wanted > most || !room_.make(wanted)) return release();
     run(tree, radii, stop);
   }
+  if (tree.leaves > 0) parts_of_leaf_ = kMoreParts * double(wanted) / double(tree.leaves);
   complete_ = true;
 }
 

@@ -29,27 +29,47 @@ struct CollectedNeighbors {
   const Index* first;  // of each group, kNoNeighbor if its neighbourhoods are empty
 };
 
-// Collects the parts of a cloud. Memory: 164 bytes a part; a group has a part for each 32 points that its
-// neighbourhoods hold.
+class NeighborCollector;
+
+// The memory of parts, which several collectors take in turns: only one iteration reads its neighbourhoods at a time.
+// 164 bytes a part; a group has a part for each 32 points that its neighbourhoods hold.
+class CollectedRoom {
+ public:
+  explicit CollectedRoom(Context& context) : parts_(context), next_(context) {}
+
+  // Sets aside what a collector holds.
+  void empty();
+
+ private:
+  friend class NeighborCollector;
+  bool make(std::size_t parts);  // false where memory is short
+
+  DeviceArray<NeighborPart> parts_;
+  DeviceArray<Index> next_;
+  NeighborCollector* holder_ = nullptr;
+};
+
+// Collects the parts of a cloud.
 class NeighborCollector {
  public:
-  explicit NeighborCollector(Context& context);
+  NeighborCollector(Context& context, CollectedRoom& room);
 
   // Waits for the card. Falls back to no parts at all if they would take more than `largest` bytes, or memory is short.
   void collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop);
   CollectedNeighbors collected() const;
+  // Forgets what it holds.
   void release();
   // As release(), but remembers that there was something, which collect() can bring back.
   void set_aside();
   bool is_aside() const { return is_aside_; }
 
  private:
-  bool make_room(std::size_t parts);  // false where memory is short
   std::size_t run(const Tree& tree, const point::Radii& radii, const Stop& stop);
 
   Context& context_;
-  DeviceArray<NeighborPart> parts_;
-  DeviceArray<Index> next_, first_, count_;
+  CollectedRoom& room_;
+  DeviceArray<Index> first_, count_;
+  double parts_of_leaf_;  // as many as there were in the mean, and some more; at first a guess
   bool complete_ = false, is_aside_ = false;
 };
 
