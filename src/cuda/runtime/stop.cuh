@@ -22,13 +22,14 @@ struct Stop {
   unsigned* asked = nullptr;  // in memory of the host: not 0 from the moment of the request
   unsigned* heard = nullptr;  // on the card: the first call whose kernels gave up, 0 if none did
   unsigned call = 0;          // the number of that which the kernel works for, not 0
+  static constexpr unsigned kTurns = 1024;
 
-  // Called by whole warps. One of 16 `turn`s looks at the host's memory, which takes a microsecond or two; the others
-  // see what it has seen.
+  // Called by whole warps. One of kTurns `turn`s looks at the host's memory; the others see what it has seen. The host
+  // answers one look after the other, a million a second, whatever the card does meanwhile.
   __device__ __forceinline__ bool is_heard(unsigned turn) const {
     if (heard == nullptr) return false;
     bool result = Heard(*heard).load(::cuda::std::memory_order_relaxed) != 0;
-    if (turn % 16 == 0 && !result && Asked(*asked).load(::cuda::std::memory_order_relaxed) != 0) {
+    if (turn % kTurns == 0 && !result && Asked(*asked).load(::cuda::std::memory_order_relaxed) != 0) {
       if (lane_number() == 0) atomicCAS(heard, 0u, call);
       result = true;
     }
