@@ -24,14 +24,17 @@ struct Stop {
   unsigned call = 0;          // the number of that which the kernel works for, not 0
   static constexpr unsigned kTurns = 1024;
 
-  // Called by whole warps. One of kTurns `turn`s looks at the host's memory; the others see what it has seen. The host
-  // answers one look after the other, a million a second, whatever the card does meanwhile.
+  // Called by whole warps, of which one lane looks: those of all warps look at the same places, and looks at a place
+  // wait for each other. One of kTurns `turn`s looks at the host's memory; the others see what it has seen.
   __device__ __forceinline__ bool is_heard(unsigned turn) const {
     if (heard == nullptr) return false;
-    bool result = Heard(*heard).load(::cuda::std::memory_order_relaxed) != 0;
-    if (turn % kTurns == 0 && !result && Asked(*asked).load(::cuda::std::memory_order_relaxed) != 0) {
-      if (lane_number() == 0) atomicCAS(heard, 0u, call);
-      result = true;
+    bool result = false;
+    if (lane_number() == 0) {
+      result = Heard(*heard).load(::cuda::std::memory_order_relaxed) != 0;
+      if (turn % kTurns == 0 && !result && Asked(*asked).load(::cuda::std::memory_order_relaxed) != 0) {
+        atomicCAS(heard, 0u, call);
+        result = true;
+      }
     }
     return __any_sync(kAllLanes, result);
   }
