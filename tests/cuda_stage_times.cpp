@@ -257,15 +257,21 @@ void measure_default_run(const Points& points, int repeat) {
   }
   for (const auto& [name, values] : times) std::printf("%-10s %8.3f\n", name.c_str(), median(values));
   const Params chosen = pipeline.report().params;
-  std::vector<double> automatic, typed;
-  for (int n = 0; n < repeat + 2; ++n)
-    for (const bool is_typed : {false, true}) {
-      pipeline.load(points);
-      pipeline.run(is_typed ? chosen : Params{}, out);
-      if (n >= 2) (is_typed ? typed : automatic).push_back(resident(pipeline.report()));
-    }
-  std::printf("automatic  %8.3f, typed in %.3f: %+.1f %%\n", median(automatic), median(typed),
-              100 * (median(automatic) / median(typed) - 1));
+  std::vector<double> automatic, typed, stoppable;
+  const std::stop_source never;
+  const auto time = [&](const Params& params, const std::stop_token& stop, std::vector<double>& to) {
+    pipeline.load(points);
+    pipeline.run(params, out, stop);
+    to.push_back(resident(pipeline.report()));
+  };
+  for (int n = 0; n < repeat + 2; ++n) {
+    if (n == 2) automatic.clear(), typed.clear(), stoppable.clear();
+    time({}, {}, automatic);
+    time(chosen, {}, typed);
+    time({}, never.get_token(), stoppable);
+  }
+  std::printf("automatic  %8.3f, typed in %.3f: %+.1f %%; with a stop token, as programs run, %.3f\n",
+              median(automatic), median(typed), 100 * (median(automatic) / median(typed) - 1), median(stoppable));
   std::printf("%.1f B/pt, checksum %.9g\n", double(pipeline.report().peak_device_bytes) / double(points.size()),
               std::accumulate(out.begin(), out.end(), 0.0, [](double sum, Point p) { return sum + p.x + p.y + p.z; }));
 }
