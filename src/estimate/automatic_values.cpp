@@ -107,7 +107,7 @@ double automatic_lambda(const Noise& noise, double spacing) {
 
 double share_damage(const Noise& noise, int iterations) {
   const double level = level_of(noise, noise.surface_spacing);
-  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (noise.depth_has_steps ? 0 : 1);
+  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level));
 }
 
 double farthest_move(const Noise& noise, double spacing, bool by_share) {

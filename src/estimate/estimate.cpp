@@ -153,10 +153,8 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   }
   if (sigmas.empty()) return {};
   // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
-  // noise. The noise of depths differs from place to place, so its median is taken.
-  const double sigma =
-      depth_has_steps ? quantile(sigmas, 0.5)
-                      : std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
+  // noise.
+  const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
