@@ -96,8 +96,7 @@ inline constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;  // of 500 s
 inline constexpr double kSameDirection = 0.99985;                    // the cosine of 1 degree; 075
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
-inline constexpr std::size_t kSpans = 8, kFewestOfLaw = 6;           // spans of levels; 075
-inline constexpr double kSameGap = 0.15;                             // of the gap; 075
+inline constexpr std::size_t kSpans = 8;                             // spans of levels; 075
 inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
 inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012

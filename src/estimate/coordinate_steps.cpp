@@ -92,12 +92,12 @@ struct ExactPlane {
   Point place;
 };
 
-// The plane of a row that lies exactly on one, and not along a line.
+// The plane of a row that lies exactly on one.
 std::optional<ExactPlane> exact_plane(std::span<const Point> row, double rounding) {
   const std::vector<Offset> offsets = offsets_of(row);
   const Moments moments(offsets);
   const auto normal = point::least_eigenvector(moments.second);
-  if (!normal.exists || moments.lie_along_a_line()) return std::nullopt;
+  if (!normal.exists) return std::nullopt;
   double farthest = 0, highest = 0;
   for (const Offset& o : offsets) {
     const Offset d = o - moments.centroid;
@@ -165,9 +165,7 @@ std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
   for (std::size_t i = 0; i < kSpans; ++i) at_start.push_back(root[i] - slope * (place[i] - place[0]));
   const DisparityLaw law{place[0], median(std::move(at_start)), slope};
   const auto [least, most] = std::minmax({law.gap_at(levels.front()), law.gap_at(levels.back())});
-  std::size_t alike = 0;
-  for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
-  if (most < kWideningOfGaps * least || alike < kFewestOfLaw) return std::nullopt;
+  if (most < kWideningOfGaps * least) return std::nullopt;
   return law;
 }
 
