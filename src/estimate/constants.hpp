@@ -57,7 +57,6 @@ inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six p
 inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 028
 inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 028
 inline constexpr double kDoubtfulNoise = 0.6;           // spacings; below it residuals may be shape; low
-inline constexpr double kBeyondResiduals = 1.7;         // spacings; of more noise 115 points show nothing; 082
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
@@ -68,7 +67,6 @@ inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth 
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
-inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
 inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
 inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082

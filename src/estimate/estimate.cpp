@@ -206,12 +206,12 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
 
 // Adds the levels of the noise and of the reach, if there are enough samples.
 void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each) {
-  if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
+  if (!(result.noise.sigma > 0) || samples.places.size() < kPool) return;
   if (samples.pools.empty()) samples.pools = pools_of(samples.places, for_each);
   LocalNoise noise = local_noise(samples, result.noise.sigma, for_each);
   // between two sheets, places show both
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
-  for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since each has serial parts
+  for_each(2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
     else
@@ -286,18 +286,16 @@ void add_noise_of(Estimate& result, const Samples& samples, const CoordinateStep
   noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
   noise.repeats = repeats;
   std::vector<point::ResidualSample> residuals;  // of all places
-  if (noise.sigma < kBeyondResiduals * noise.surface_spacing) {
-    residuals = samples.residuals();
-    cover_rounding(steps, residuals);
-    if (!depth_has_steps)
-      add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
-  }
+  if (noise.surface_spacing > 0) residuals = samples.residuals();
+  cover_rounding(steps, residuals);
+  if (!depth_has_steps && noise.surface_spacing > 0)
+    add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
     if (!samples.noise[i].shows_noise) continue;
     local.places.push_back(sample.points[i]);
     local.noise.push_back(samples.noise[i]);
-    if (!residuals.empty()) local.residuals.push_back(residuals[i]);
+    local.residuals.push_back(residuals[i]);
   }
   local.pools = pools_of_shown(samples, for_each);
   add_local(result, local, for_each);
