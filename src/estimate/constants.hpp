@@ -138,9 +138,8 @@ inline constexpr int kIterations = 2;                   // quality
 inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 082
 inline constexpr double kDamage = 0.4;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 102
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1; 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1, other methods; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
-inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 082
 
 // Outliers that a sensor saw.
 inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 156
