@@ -110,6 +110,14 @@ double correlation(const Growth& growth) {
                                                : 0;
 }
 
+// Where two sheets are seen by some numbers of points and not by others, residuals grow for that alone.
+std::vector<point::ResidualSample> of_one_sheet(std::span<const point::ResidualSample> samples) {
+  std::vector<point::ResidualSample> result;
+  for (const point::ResidualSample& s : samples)
+    if (!s.sees_sheets) result.push_back(s);
+  return result;
+}
+
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
   const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
@@ -170,7 +178,7 @@ void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples,
   noise.surface_points = surface_points(samples);
   if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
     const Growth growth = residual_growth(samples);
-    noise.correlation = correlation(growth);
+    noise.correlation = std::min(correlation(growth), correlation(residual_growth(of_one_sheet(samples))));
     // between two sheets, wide neighbourhoods see the other one and not shape
     if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
   }
