@@ -19,7 +19,7 @@ Bits bits_of(const Samples& samples) {
   for (const point::SpacingSample& s : samples.spacing) add(s.mean, s.last);
   for (const point::NoiseSample& s : samples.noise)
     add(s.is_short, s.shows_noise, s.is_wide, s.sigma, s.spacing, s.gap);
-  for (const point::ResidualSample& s : samples.residuals()) add(s.narrow, s.wide, s.widest);
+  for (const point::ResidualSample& s : samples.residuals()) add(s.narrow, s.wide, s.widest, s.sees_sheets);
   return bits;
 }
 

@@ -92,7 +92,7 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
 double automatic_relaxation(int whole_percent, int iterations, const Noise& noise, double spacing, bool by_share) {
   if (!(noise.sigma > 0)) return 0.01;
   const double ratio = kTrustedNoise * spacing / noise.sigma;
-  const double smallness = 1 - share_between(kSmoothingNoise, noise.sigma / spacing);
+  const double smallness = 1 - share_between(kHarmlessNoise, noise.sigma / spacing);
   const double of_noise = by_share ? 1
                                    : std::max(1 / (1 + kShapeDamage * (kUnseenShape + noise.shape_to_noise)),
                                               1 - smallness * smallness * smallness * smallness);
@@ -107,7 +107,7 @@ double automatic_lambda(const Noise& noise, double spacing) {
 
 double share_damage(const Noise& noise, int iterations) {
   const double level = level_of(noise, noise.surface_spacing);
-  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level)) * (noise.depth_has_steps ? 0 : 1);
+  return kDamage * iterations * (1 - share_between(kHarmlessNoise, level));
 }
 
 double farthest_move(const Noise& noise, double spacing, bool by_share) {

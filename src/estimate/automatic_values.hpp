@@ -42,7 +42,7 @@ double automatic_relaxation(int whole_percent, int iterations, const Noise& nois
 // Of method implicit, rounded to hundredths.
 double automatic_lambda(const Noise& noise, double spacing);
 // c p of Eq. 22. Neighbourhoods that are wide because of the noise damage the shape less than those that hold just 16
-// points. Steps of depth only look like shape, so c is 0 there.
+// points.
 double share_damage(const Noise& noise, int iterations);
 // The displacement limit in sigmas. Where noise is small against the spacing, edges move farther than noise does, since
 // neighbourhoods reach across them.

@@ -57,7 +57,6 @@ inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six p
 inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 028
 inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 028
 inline constexpr double kDoubtfulNoise = 0.6;           // spacings; below it residuals may be shape; low
-inline constexpr double kBeyondResiduals = 1.7;         // spacings; of more noise 115 points show nothing; 082
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
@@ -68,7 +67,6 @@ inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth 
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
-inline constexpr std::size_t kFewestSamples = 64;     // that show noise; 082
 inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082
 inline constexpr std::size_t kSmoothed = 8;           // samples whose median is the noise of a place; (21); 082
 inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
@@ -96,8 +94,7 @@ inline constexpr std::size_t kFewestPlanes = 10, kMostPlanes = 400;  // of 500 s
 inline constexpr double kSameDirection = 0.99985;                    // the cosine of 1 degree; 075
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
-inline constexpr std::size_t kSpans = 8, kFewestOfLaw = 6;           // spans of levels; 075
-inline constexpr double kSameGap = 0.15;                             // of the gap; 075
+inline constexpr std::size_t kSpans = 8;                             // spans of levels; 075
 inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
 inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
@@ -141,9 +138,8 @@ inline constexpr int kIterations = 2;                   // quality
 inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 082
 inline constexpr double kDamage = 0.4;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 102
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1; 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1, other methods; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
-inline constexpr double kSmoothingNoise[] = {0.1, 0.6};         // spacings; other methods; 082
 
 // Outliers that a sensor saw.
 inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 156

@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "estimate/constants.hpp"
+#include "estimate/moments.hpp"
 #include "estimate/quantile.hpp"
-#include "point/sample.h"
 
 namespace pointfair {
 namespace {
@@ -86,41 +86,26 @@ double step_of_grid(std::span<const Point> rows, double rounding) {
   return step > 0 && is_mesh(rows, step) ? 0 : step;
 }
 
-using Matrix = point::Sym3<double>;
-Matrix sum(const Matrix& a, const Matrix& b) {
-  return {a.xx + b.xx, a.xy + b.xy, a.xz + b.xz, a.yy + b.yy, a.yz + b.yz, a.zz + b.zz};
-}
-
 struct ExactPlane {
   Offset normal;
-  Matrix moments;  // second ones, about the centroid
+  Moments moments;
   Point place;
 };
 
-// The plane of a row that lies exactly on one, and not along a line.
+// The plane of a row that lies exactly on one.
 std::optional<ExactPlane> exact_plane(std::span<const Point> row, double rounding) {
-  std::array<Offset, kRow> offsets;
-  Offset centroid{};
-  for (std::size_t i = 0; i < kRow; ++i) {
-    offsets[i] = point::offset_between(row[0], row[i]);
-    centroid = centroid + (1.0 / double(kRow)) * offsets[i];
-  }
-  Matrix m{};
-  double farthest = 0;
-  for (Offset& o : offsets) {
-    o = o - centroid;
-    m = sum(m, {o.x * o.x, o.x * o.y, o.x * o.z, o.y * o.y, o.y * o.z, o.z * o.z});
-    farthest = std::max(farthest, point::length(o));
-  }
-  const auto normal = point::least_eigenvector(m);
+  const std::vector<Offset> offsets = offsets_of(row);
+  const Moments moments(offsets);
+  const auto normal = point::least_eigenvector(moments.second);
   if (!normal.exists) return std::nullopt;
-  for (const Offset& o : offsets)
-    if (std::abs(point::dot(o, normal.unit)) > std::max(kExactPlane * farthest, rounding)) return std::nullopt;
-  // of the two eigenvalues in the plane: their sum and, by the principal minors, their product
-  const double trace = m.xx + m.yy + m.zz;
-  const double minors = m.xx * m.yy - m.xy * m.xy + m.xx * m.zz - m.xz * m.xz + m.yy * m.zz - m.yz * m.yz;
-  if (minors < kRoundness * (trace * trace - 2 * minors)) return std::nullopt;
-  return ExactPlane{normal.unit, m, row[0]};
+  double farthest = 0, highest = 0;
+  for (const Offset& o : offsets) {
+    const Offset d = o - moments.centroid;
+    farthest = std::max(farthest, point::length(d));
+    highest = std::max(highest, std::abs(point::dot(d, normal.unit)));
+  }
+  if (highest > std::max(kExactPlane * farthest, rounding)) return std::nullopt;
+  return ExactPlane{normal.unit, moments, row[0]};
 }
 
 // The direction that most exact planes face. None where these planes are few or lie on few levels: a flat face without
@@ -141,10 +126,10 @@ std::optional<Offset> common_direction(std::span<const Point> rows, double round
     if (count > most) most = count, commonest = i;
   }
   if (most < kFewestPlanes) return std::nullopt;
-  Matrix moments{};
+  Moments moments;
   for (std::size_t j = 0; j < planes.size(); ++j)
-    if (is_alike(commonest, j)) moments = sum(moments, planes[j].moments);
-  const Offset direction = point::least_eigenvector(moments).unit;
+    if (is_alike(commonest, j)) moments.add(planes[j].moments.second);
+  const Offset direction = point::least_eigenvector(moments.second).unit;
   std::vector<double> heights;
   for (std::size_t j = 0; j < planes.size(); ++j)
     if (is_alike(commonest, j))
@@ -180,9 +165,7 @@ std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
   for (std::size_t i = 0; i < kSpans; ++i) at_start.push_back(root[i] - slope * (place[i] - place[0]));
   const DisparityLaw law{place[0], median(std::move(at_start)), slope};
   const auto [least, most] = std::minmax({law.gap_at(levels.front()), law.gap_at(levels.back())});
-  std::size_t alike = 0;
-  for (std::size_t i = 0; i < kSpans; ++i) alike += std::abs(root[i] * root[i] / law.gap_at(place[i]) - 1) < kSameGap;
-  if (most < kWideningOfGaps * least || alike < kFewestOfLaw) return std::nullopt;
+  if (most < kWideningOfGaps * least) return std::nullopt;
   return law;
 }
 

@@ -7,7 +7,6 @@
 #include <functional>
 #include <memory>
 #include <numeric>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -70,7 +69,7 @@ struct Growth {
   double first = 0, second = 0;  // of the mean variance in flat places, less one; from there to twice as many again
 };
 
-Growth residual_growth(const std::vector<point::ResidualSample>& samples) {
+Growth residual_growth(std::span<const point::ResidualSample> samples) {
   const auto growth_at = [&](double share, double most) {
     std::vector<double> from, to;
     for (const point::ResidualSample& s : samples) {
@@ -111,6 +110,14 @@ double correlation(const Growth& growth) {
                                                : 0;
 }
 
+// Where two sheets are seen by some numbers of points and not by others, residuals grow for that alone.
+std::vector<point::ResidualSample> of_one_sheet(std::span<const point::ResidualSample> samples) {
+  std::vector<point::ResidualSample> result;
+  for (const point::ResidualSample& s : samples)
+    if (!s.sees_sheets) result.push_back(s);
+  return result;
+}
+
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
 double shape_to_noise(double typical_growth) {
   const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
@@ -141,9 +148,8 @@ int surface_points(std::span<const point::ResidualSample> samples) {
   return 0;
 }
 
-// `residuals` are asked for where they are read, which is not where depths have steps.
-Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points, bool depth_has_steps,
-               const std::function<std::vector<point::ResidualSample>()>& residuals) {
+// Of the neighbourhoods that are wide against the noise.
+Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
   std::vector<double> sigmas, spacings, gaps;
   std::size_t confined = 0;
   for (const point::NoiseSample& sample : samples) {
@@ -155,10 +161,8 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
   }
   if (sigmas.empty()) return {};
   // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
-  // noise. The noise of depths differs from place to place, so its median is taken.
-  const double sigma =
-      depth_has_steps ? quantile(sigmas, 0.5)
-                      : std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
+  // noise.
+  const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
@@ -166,19 +170,19 @@ Noise noise_of(std::span<const point::NoiseSample> samples, std::uint64_t points
     noise.gap = quantile(gaps, kGapQuantile);
   noise.depth_has_steps = depth_has_steps;
   noise.correlation = depth_has_steps ? 1 : 0;
-  if (!depth_has_steps && sigma < kBeyondResiduals * noise.surface_spacing) {
-    const std::vector<point::ResidualSample> samples_of_residuals = residuals();
-    noise.surface_points = surface_points(samples_of_residuals);
-    if (points < kPointsOfGrowth)
-      noise.sigma = std::min(noise.sigma, most_noise(samples_of_residuals, noise.surface_spacing));
-    if (sigma < kDoubtfulNoise * noise.surface_spacing) {
-      const Growth growth = residual_growth(samples_of_residuals);
-      noise.correlation = correlation(growth);
-      // between two sheets, wide neighbourhoods see the other one and not shape
-      if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
-    }
-  }
   return noise;
+}
+
+// Adds what residuals of fewer points show, in a cloud of so many points.
+void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
+  noise.surface_points = surface_points(samples);
+  if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
+    const Growth growth = residual_growth(samples);
+    noise.correlation = std::min(correlation(growth), correlation(residual_growth(of_one_sheet(samples))));
+    // between two sheets, wide neighbourhoods see the other one and not shape
+    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
+  }
+  if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
 }
 
 // What steps add to the noise, in steps. Rounding spreads evenly over one step. The depth of a camera that matches
@@ -210,12 +214,12 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
 
 // Adds the levels of the noise and of the reach, if there are enough samples.
 void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each) {
-  if (!(result.noise.sigma > 0) || samples.places.size() < kFewestSamples) return;
+  if (!(result.noise.sigma > 0) || samples.places.size() < kPool) return;
   if (samples.pools.empty()) samples.pools = pools_of(samples.places, for_each);
   LocalNoise noise = local_noise(samples, result.noise.sigma, for_each);
   // between two sheets, places show both
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
-  for_each(samples.residuals.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since each has serial parts
+  for_each(2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
     else
@@ -265,7 +269,7 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
     places.push_back(sample.points[i]);
     noise.push_back(hidden.on_surface[i] ? hidden.samples[i].sigma : 0);
   }
-  result.noise = noise_of(of_surface, sample.bounds.valid, false, [] { return std::vector<point::ResidualSample>(); });
+  result.noise = noise_of(of_surface, false);
   result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
   if (!(result.noise.sigma > 0)) return;
   for (double& level : noise)
@@ -284,25 +288,22 @@ std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels
 // The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see.
 void add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
                   int repeats, const ForEach& for_each) {
-  std::optional<std::vector<point::ResidualSample>> residuals;  // of all places
-  const auto measure_residuals = [&] {
-    if (!residuals) cover_rounding(steps, residuals.emplace(samples.residuals()));
-  };
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
-  result.noise = noise_of(std::span(samples.noise).first(first), sample.bounds.valid / std::uint64_t(repeats),
-                          depth_has_steps, [&] {
-                            measure_residuals();
-                            return std::vector(residuals->begin(), residuals->begin() + std::ptrdiff_t(first));
-                          });
-  result.noise.repeats = repeats;
-  if (result.noise.sigma < kBeyondResiduals * result.noise.surface_spacing) measure_residuals();
+  Noise& noise = result.noise;
+  noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
+  noise.repeats = repeats;
+  std::vector<point::ResidualSample> residuals;  // of all places
+  if (noise.surface_spacing > 0) residuals = samples.residuals();
+  cover_rounding(steps, residuals);
+  if (!depth_has_steps && noise.surface_spacing > 0)
+    add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
     if (!samples.noise[i].shows_noise) continue;
     local.places.push_back(sample.points[i]);
     local.noise.push_back(samples.noise[i]);
-    if (residuals) local.residuals.push_back((*residuals)[i]);
+    local.residuals.push_back(residuals[i]);
   }
   local.pools = pools_of_shown(samples, for_each);
   add_local(result, local, for_each);

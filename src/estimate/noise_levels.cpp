@@ -55,7 +55,6 @@ Shown shown_by(const LocalSamples& samples) {
   for (std::size_t i = 0; i < count; ++i) {
     if (!samples.noise[i].is_wide) continue;
     shown.spacings[i] = samples.noise[i].spacing;
-    if (samples.residuals.empty()) continue;
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
     for (std::size_t size = 0; size < kSizes; ++size)

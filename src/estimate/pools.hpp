@@ -14,8 +14,7 @@
 
 namespace pointfair {
 
-// Samples that show noise, each at its place, and its pool: the kPool nearest places, itself first. `residuals` may be
-// empty: none is looked at.
+// Samples that show noise, each at its place, and its pool: the kPool nearest places, itself first.
 struct LocalSamples {
   std::vector<Point> places;
   std::vector<point::NoiseSample> noise;

@@ -9,44 +9,23 @@
 #include <vector>
 
 #include "estimate/constants.hpp"
+#include "estimate/moments.hpp"
 #include "estimate/quantile.hpp"
-#include "point/sample.h"
-#include "point/vec.h"
 
 namespace pointfair {
 namespace {
 
 using namespace constants;
 using point::Offset;
-using Matrix = point::Sym3<double>;
-
-// Second moments about the centroid.
-Matrix moments_of(std::span<const Offset> offsets) {
-  Offset centroid{};
-  for (const Offset& o : offsets) centroid = centroid + (1.0 / double(offsets.size())) * o;
-  Matrix m{};
-  for (const Offset& o : offsets) {
-    const Offset d = o - centroid;
-    m = {m.xx + d.x * d.x, m.xy + d.x * d.y, m.xz + d.x * d.z, m.yy + d.y * d.y, m.yz + d.y * d.z, m.zz + d.z * d.z};
-  }
-  return m;
-}
-
-std::vector<Offset> offsets_of(std::span<const Point> row) {
-  std::vector<Offset> offsets;
-  for (const Point& p : row)
-    if (!std::isnan(p.x)) offsets.push_back(point::offset_between(row[0], p));
-  return offsets;
-}
 
 // The direction of points that lie along a line.
 std::optional<Offset> line_through(std::span<const Offset> offsets) {
-  const Matrix m = moments_of(offsets);
-  const double trace = m.xx + m.yy + m.zz;
-  const double minors = m.xx * m.yy - m.xy * m.xy + m.xx * m.zz - m.xz * m.xz + m.yy * m.zz - m.yz * m.yz;
-  if (!(trace > 0) || minors > kRoundness * (trace * trace - 2 * minors)) return std::nullopt;
+  const Moments moments(offsets);
+  const auto& m = moments.second;
+  const double trace = moments.trace();
+  if (!(trace > 0) || !moments.lie_along_a_line()) return std::nullopt;
   const auto direction =
-      point::least_eigenvector(Matrix{trace - m.xx, -m.xy, -m.xz, trace - m.yy, -m.yz, trace - m.zz});
+      point::least_eigenvector(point::Sym3<double>{trace - m.xx, -m.xy, -m.xz, trace - m.yy, -m.yz, trace - m.zz});
   return direction.exists ? std::optional(direction.unit) : std::nullopt;
 }
 
@@ -56,7 +35,7 @@ struct Local {
 };
 
 std::vector<Local> in_rows(std::span<const Offset> offsets, Offset line) {
-  const auto normal = point::least_eigenvector(moments_of(offsets));
+  const auto normal = point::least_eigenvector(Moments(offsets).second);
   const Offset across = point::cross(normal.unit, line);
   const double size = point::length(across);
   if (!normal.exists || !(size > 0.1)) return {};
@@ -115,7 +94,7 @@ std::vector<RowLine> rows_of(std::span<const Local> points) {
 std::vector<double> residuals_of(std::span<const RowLine> rows) {
   double size = 0;
   for (const RowLine& row : rows) size = std::max(size, std::abs(row.across));
-  Matrix m{};
+  point::Sym3<double> m{};
   Offset right{};
   for (const RowLine& row : rows) {
     const double t = size > 0 ? row.across / size : 0;
