@@ -221,7 +221,7 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
   for_each(2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
-      result.levels = noise_levels(samples.places, std::move(noise.log_levels), for_each);
+      result.levels = noise_levels(samples.places, noise.log_levels, for_each);
     else
       result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, for_each);
   });
@@ -274,7 +274,7 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
   if (!(result.noise.sigma > 0)) return;
   for (double& level : noise)
     level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
-  result.levels = noise_levels(places, std::move(noise), for_each);
+  result.levels = noise_levels(places, noise, for_each);
 }
 
 // Levels times a factor.

@@ -162,6 +162,14 @@ void shrink(std::vector<double>& log_levels) {
   for (double& log_level : log_levels) log_level *= share;
 }
 
+// At 5, 50 and 95 % of the places.
+std::array<double, 3> quantiles_of(const std::vector<double>& log_levels) {
+  std::array<double, 3> result{};
+  for (std::size_t q = 0; q < result.size(); ++q)
+    result[q] = portable::exp(quantile(log_levels, kReportedQuantiles[q]));
+  return result;
+}
+
 }  // namespace
 
 LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each) {
@@ -182,23 +190,10 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEac
   return {typical, std::move(noise), std::move(log_levels)};
 }
 
-std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, const std::vector<double>& log_levels,
                                                 const ForEach& for_each) {
-  auto levels = std::make_shared<NoiseLevels>(NoiseLevels{levels_between(places, log_levels, for_each)});
-  levels->quantiles = quantiles_of(std::move(log_levels));
-  return levels;
-}
-
-std::array<double, 3> quantiles_of(std::vector<double> log_levels) {
-  std::array<double, 3> result{};
-  auto first = log_levels.begin();
-  for (std::size_t q = 0; q < result.size(); ++q) {  // in rising order
-    const auto at = log_levels.begin() + std::ptrdiff_t(kReportedQuantiles[q] * double(log_levels.size() - 1));
-    std::nth_element(first, at, log_levels.end());
-    result[q] = portable::exp(*at);
-    first = at;
-  }
-  return result;
+  return std::make_shared<const NoiseLevels>(
+      NoiseLevels{levels_between(places, log_levels, for_each), quantiles_of(log_levels)});
 }
 
 }  // namespace pointfair

@@ -2,7 +2,6 @@
 // The noise from place to place (docs/how-it-works.md, "Noise from place to place").
 #pragma once
 
-#include <array>
 #include <memory>
 #include <vector>
 
@@ -22,10 +21,7 @@ struct LocalNoise {
 LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each);
 
 // The field of levels whose logarithms at some places, at least one, are `log_levels`.
-std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, const std::vector<double>& log_levels,
                                                 const ForEach& for_each);
-
-// The levels at 5, 50 and 95 % of some places, at least one.
-std::array<double, 3> quantiles_of(std::vector<double> log_levels);
 
 }  // namespace pointfair
