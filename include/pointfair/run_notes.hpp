@@ -3,10 +3,12 @@
 // program prints as `note:` and the viewer shows; their wording may change with any version.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 
 #include "pointfair/export.hpp"
+#include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 #include "pointfair/tiled_run.hpp"
 
@@ -24,7 +26,13 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estima
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates,
                                                        const Report& report, const Displacement& moved);
 
-/// The same of a run in tiles.
+/// Of the places of sensors that a run took, in the coordinates of the file: one that lies more than a hundred
+/// diagonals outside the bounds of the cloud, as where it is in another unit or another coordinate system. `origin`: of
+/// the cloud that the estimates are of. O(number of places); never fails.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints,
+                                                              const Position& origin, const Estimates& estimates);
+
+/// The same as notes_on_run and notes_on_viewpoints, of a run in tiles.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const TiledReport& report);
 
 }  // namespace pointfair

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cmath>
 
 namespace pointfair {
 namespace {
@@ -70,6 +71,23 @@ void add_no_surface(const Look& look, std::vector<std::string>& notes) {
                   "surface is there, --noise with an attribute gives the noise of each point");
 }
 
+void add_far_sensors(std::span<const Position> sensors, const Position& min, const Position& max, double diagonal,
+                     std::vector<std::string>& notes) {
+  constexpr double kFar = 100;  // diagonals; a crop of a flight has some dozens
+  if (!(diagonal > 0)) return;
+  double farthest = 0;
+  for (const Position& place : sensors) {
+    double squares = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      squares += std::pow(std::max({0.0, min[axis] - place[axis], place[axis] - max[axis]}), 2);
+    if (std::isfinite(squares)) farthest = std::max(farthest, std::sqrt(squares));
+  }
+  if (farthest <= kFar * diagonal) return;
+  notes.push_back("the sensor stood " + whole(farthest / diagonal) +
+                  " diagonals outside the bounds of the cloud, so its place may be in another unit or coordinate "
+                  "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
+}
+
 std::vector<std::string> notes_on(const Look& look) {
   std::vector<std::string> notes;
   add_coarse_floats(look, notes);
@@ -119,16 +137,31 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
        .min_neighbors = chosen_min_neighbors(asked, report.params)});
 }
 
+std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
+                                             const Estimates& estimates) {
+  Position min = origin, max = origin;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    min[axis] += estimates.min[axis];
+    max[axis] += estimates.max[axis];
+  }
+  std::vector<std::string> notes;
+  add_far_sensors(viewpoints, min, max, estimates.diagonal, notes);
+  return notes;
+}
+
 std::vector<std::string> notes_on_run(const TiledReport& report) {
   const std::uint64_t finite = report.points - std::min(report.points, report.unmoved.non_finite + report.ignored);
-  return notes_on({.spacing = report.spacing.value_or(0),
-                   .noise = noise_of(report.asked, report.params, report.noise.value_or(0)),
-                   .diagonal = report.diagonal,
-                   .float_step = report.float_step,
-                   .moved = report.displacement,
-                   .finite = finite,
-                   .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
-                   .min_neighbors = chosen_min_neighbors(report.asked, report.params)});
+  std::vector<std::string> notes =
+      notes_on({.spacing = report.spacing.value_or(0),
+                .noise = noise_of(report.asked, report.params, report.noise.value_or(0)),
+                .diagonal = report.diagonal,
+                .float_step = report.float_step,
+                .moved = report.displacement,
+                .finite = finite,
+                .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
+                .min_neighbors = chosen_min_neighbors(report.asked, report.params)});
+  if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
+  return notes;
 }
 
 }  // namespace pointfair
