@@ -252,6 +252,13 @@ TEST(ViewerSession, AResultSaysWhyItMayNotBeWhatItSeems) {
   Seat sound(noisy(3000));
   sound.ask(run_text(1, Json::object()));
   EXPECT_EQ(sound.result(1).head["notes"], Json::array());
+  Session::Options options = cpu_options();
+  options.viewpoint = "500000,4000000,100";  // of another coordinate system
+  Seat misplaced(noisy(3000), options);
+  misplaced.ask(run_text(1, Json::object()));
+  const Json notes = misplaced.result(1).head["notes"];
+  ASSERT_EQ(notes.size(), 1u) << notes;
+  EXPECT_NE(std::string(notes[0]).find("diagonals outside the bounds of the cloud"), std::string::npos) << notes;
 }
 
 TEST(ViewerSession, ALargeCloudIsShownInPart) {

@@ -175,6 +175,7 @@ std::string Document::viewpoint() const { return facts_.path.empty() ? std::stri
 void Document::place_sensor() {
   std::vector<Position> viewpoints = parse_viewpoints(viewpoint(), cloud_);
   pipeline_->set_viewpoint(viewpoints);
+  notes_ = notes_on_viewpoints(viewpoints, cloud_.origin, facts_.estimates);
   for (Position& viewpoint : viewpoints)
     for (std::size_t axis = 0; axis < 3; ++axis) viewpoint[axis] -= cloud_.origin[axis];
   preview_.set_viewpoint(std::move(viewpoints));
@@ -263,8 +264,9 @@ void Document::show_result(const Request& request, const std::stop_token& stop) 
   std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
                             make_array("exceptions", moved.exceptions)};
   if (fresh) arrays.push_back(make_array("motion_normals", motion_));
-  const std::vector<std::string> notes = notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
-                                                      {moved.mean, moved.rms, moved.p95, moved.max});
+  std::vector<std::string> notes = notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
+                                                {moved.mean, moved.rms, moved.p95, moved.max});
+  notes.insert(notes.end(), notes_.begin(), notes_.end());
   send_(pack(result_answer(request, report, moved, notes, facts_.step, milliseconds_since(start), errand_of(request)),
              arrays));
 }

@@ -75,6 +75,7 @@ class Document {
   bool has_cloud_ = false;
   Cloud cloud_;
   CloudFacts facts_;
+  std::vector<std::string> notes_;  // on the places of its sensor
   Order order_;
   std::optional<Pipeline> pipeline_;
   Shading shading_;
