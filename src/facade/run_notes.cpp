@@ -11,6 +11,7 @@ namespace {
 // What a cloud and a run on it look like, lengths in file units; 0: unknown.
 struct Look {
   double spacing = 0, noise = 0, diagonal = 0, float_step = 0;  // of the input
+  bool is_noise_given = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
   int min_neighbors = 0;                          // that the run chose; 0: it was given
@@ -39,8 +40,8 @@ void add_sparse(const Look& look, std::vector<std::string>& notes) {
   if (!is_sparse || !(look.noise > 0) || look.spacing <= kFarApart * look.noise) return;
   notes.push_back("points are " + rounded(look.spacing) + " apart, " + whole(look.spacing / look.noise) +
                   " times the noise of " + rounded(look.noise, 2) +
-                  ": so far apart, noise and shape look alike, and hardly any noise is removed; --noise gives the "
-                  "noise of a data sheet");
+                  ": so far apart, noise and shape look alike, and hardly any noise is removed; " +
+                  (look.is_noise_given ? "a larger --noise removes more" : "--noise gives the noise of a data sheet"));
 }
 
 void add_large(const Look& look, std::vector<std::string>& notes) {
@@ -103,10 +104,13 @@ std::uint64_t count_without_surface(const UnmovedCounts& unmoved, double share, 
   return unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + std::uint64_t(share * double(finite));
 }
 
+bool is_noise_given(const Params& asked, const Params& used) {
+  return !asked.noise.is_automatic() && used.noise.unit == Length::Unit::file;
+}
+
 // Of a typical place, as the run took it.
 double noise_of(const Params& asked, const Params& used, double estimated) {
-  const bool is_given = !asked.noise.is_automatic() && used.noise.unit == Length::Unit::file;
-  return is_given ? used.noise.value : estimated;
+  return is_noise_given(asked, used) ? used.noise.value : estimated;
 }
 
 int chosen_min_neighbors(const Params& asked, const Params& used) {
@@ -131,6 +135,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
        .noise = noise_of(asked, report.params, estimates.noise),
        .diagonal = estimates.diagonal,
        .float_step = estimates.float_step,
+       .is_noise_given = is_noise_given(asked, report.params),
        .moved = moved,
        .finite = estimates.finite,
        .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
@@ -156,6 +161,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .noise = noise_of(report.asked, report.params, report.noise.value_or(0)),
                 .diagonal = report.diagonal,
                 .float_step = report.float_step,
+                .is_noise_given = is_noise_given(report.asked, report.params),
                 .moved = report.displacement,
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
