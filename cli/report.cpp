@@ -143,7 +143,15 @@ bool is_page(const std::string& report) {
   return extension == ".html" || extension == ".htm" || extension == ".HTML" || extension == ".HTM";
 }
 
+void check_no_table(const std::string& report) {
+  if (std::filesystem::path(report).extension() == ".csv")
+    throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON; name a .json file. Rows in CSV, one a "
+                                              "file, come with pointfair run --each",
+                                              report));
+}
+
 void check_report(const std::string& report, const std::vector<std::string>& files) {
+  check_no_table(report);
   if (is_page(report))
     throw Error(ErrorKind::usage, fmt::format("--report {}: this is written as JSON; name a .json file. A page is made "
                                               "by pointfair run in memory, and by pointfair certify",

@@ -50,8 +50,11 @@ std::string_view device_name(Device::Kind kind);
 /// Whether --report names a page and not JSON, by its extension.
 bool is_page(const std::string& report);
 
+/// Throws if --report names a table, which only many files on their own have.
+void check_no_table(const std::string& report);
+
 /// Early check of --report: throws if it would replace one of `files` or cannot be created, as check_page does, and if
-/// it names a page. Empty: no report.
+/// it names a page or a table. Empty: no report.
 void check_report(const std::string& report, const std::vector<std::string>& files);
 void check_page(const std::string& report, const std::vector<std::string>& files);
 

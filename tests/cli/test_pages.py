@@ -192,6 +192,11 @@ class Pages(Case):
         self.assertGreater(float(loud[1].split()[0]), 1.5 * float(quiet[1].split()[0]))
         self.assertTrue(any("25832" in value for rows in page.rows.values() for row in rows for value in row))
 
+    def test_json_is_not_called_a_table(self):
+        for words in (("run", self.scan, self.out), ("info", self.scan), ("run", self.scan, self.out, "--tiles", 2)):
+            self.fails(2, *words, "--report", self.path("r.csv"), says=["r.csv", ".json", "--each"])
+        self.assertFalse(self.path("r.csv").exists())
+
     def test_a_page_is_not_json_elsewhere(self):
         for verb in (["info", self.scan], ["compare", self.scan, self.scan], ["bench"]):
             self.fails(2, *verb, "--report", self.html, says=".json")
