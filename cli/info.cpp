@@ -60,8 +60,7 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
                    step);
-  if (const std::string coarse = coarse_floats(estimates.float_step, estimates.noise); !coarse.empty())
-    fmt::format_to(out, "note        {}\n", coarse);
+  for (const std::string& note : notes_on_cloud(estimates)) fmt::format_to(out, "note        {}\n", note);
   fmt::format_to(out, "attributes\n");
   for (const AttributeInfo& attribute : attributes(cloud)) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";

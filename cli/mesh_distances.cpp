@@ -14,27 +14,27 @@
 namespace pointfair::cli {
 namespace {
 
-using Corners = std::span<const std::uint32_t>;
+using FaceVertices = std::span<const std::uint32_t>;
 
 // Calls visit(corners) for each face.
 template <class Visit>
 void for_faces(const Polygons& faces, const Visit& visit) {
   std::uint64_t begin = 0;
   for (const std::uint64_t end : faces.ends) {
-    visit(Corners(faces.corners.data() + begin, end - begin));
+    visit(FaceVertices(faces.corners.data() + begin, end - begin));
     begin = end;
   }
 }
 
 // Twice the area long; zero for a face without area, or with a corner that is not finite.
-Vec3 area_normal(std::span<const Vec3> vertices, Corners corners) {
+Vec3 area_normal(std::span<const Vec3> vertices, FaceVertices corners) {
   Vec3 sum;
   for (std::size_t i = 2; i < corners.size(); ++i)
     sum = sum + cross(vertices[corners[i - 1]] - vertices[corners[0]], vertices[corners[i]] - vertices[corners[0]]);
   return is_finite(sum) ? sum : Vec3{};
 }
 
-Vec3 middle(std::span<const Vec3> vertices, Corners corners) {
+Vec3 middle(std::span<const Vec3> vertices, FaceVertices corners) {
   Vec3 sum;
   for (const std::uint32_t corner : corners) sum = sum + vertices[corner];
   return (1 / static_cast<double>(corners.size())) * sum;
@@ -47,7 +47,7 @@ struct NormalPair {
 
 std::vector<NormalPair> normals_by_number(std::span<const Vec3> a, std::span<const Vec3> b, const Polygons& faces) {
   std::vector<NormalPair> pairs;
-  for_faces(faces, [&](Corners corners) { pairs.push_back({area_normal(a, corners), area_normal(b, corners)}); });
+  for_faces(faces, [&](FaceVertices corners) { pairs.push_back({area_normal(a, corners), area_normal(b, corners)}); });
   return pairs;
 }
 
@@ -55,7 +55,7 @@ std::vector<NormalPair> normals_by_place(std::span<const Vec3> a, const Polygons
                                          const std::vector<Triangle>& mesh, const Surface& surface) {
   std::vector<NormalPair> pairs;
   std::vector<Vec3> places;
-  for_faces(faces, [&](Corners corners) {
+  for_faces(faces, [&](FaceVertices corners) {
     const Vec3 normal = area_normal(a, corners);
     if (!(squared_length(normal) > 0)) return;
     pairs.push_back({normal, {}});
@@ -103,7 +103,7 @@ std::optional<double> volume_of(std::span<const Vec3> vertices, const Polygons& 
   std::vector<Side> sides;
   double sum = 0;
   bool all_finite = true;
-  for_faces(faces, [&](Corners corners) {
+  for_faces(faces, [&](FaceVertices corners) {
     for (std::size_t i = 0; i < corners.size(); ++i) {
       all_finite = all_finite && is_finite(vertices[corners[i]]);
       const std::uint32_t from = welded[corners[i]], to = welded[corners[(i + 1) % corners.size()]];
@@ -120,7 +120,7 @@ std::optional<double> volume_of(std::span<const Vec3> vertices, const Polygons& 
 
 std::vector<Triangle> finite_triangles(std::span<const Vec3> vertices, const Polygons& faces) {
   std::vector<Triangle> result;
-  for_faces(faces, [&](Corners corners) {
+  for_faces(faces, [&](FaceVertices corners) {
     for (std::size_t i = 2; i < corners.size(); ++i) {
       const Triangle t = {vertices[corners[0]], vertices[corners[i - 1]], vertices[corners[i]]};
       if (is_finite(t.a) && is_finite(t.b) && is_finite(t.c)) result.push_back(t);

@@ -64,15 +64,6 @@ Json outliers_json(const OutlierCounts& outliers) {
       {"isolated", outliers.isolated}, {"off_surface", outliers.off_surface}, {"mixed_pixels", outliers.mixed_pixels}};
 }
 
-std::string coarse_floats(double float_step, double noise) {
-  constexpr double kFewest = 3;  // steps in the noise; rounding then adds less than .5 % to it
-  if (!(noise > 0) || !(kFewest * float_step > noise)) return {};
-  return fmt::format(
-      "coordinates far from the middle of the cloud are computed in steps of {:.4g}, coarse against the "
-      "noise of {:.4g}; split so wide a cloud",
-      float_step, noise);
-}
-
 std::string coarse_steps(double step, double noise) {
   if (!(noise > 0) || !(step > noise)) return {};
   return fmt::format(
@@ -116,38 +107,6 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   return reasons;
 }
 
-std::vector<std::string> doubts(const Look& look) {
-  constexpr double kFarApart = 100;     // spacings in the noise; below a seventieth, run removes hardly any
-  constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
-  constexpr double kLarge = 0.02;       // of the diagonal; noise that anyone measured is a tenth of that
-  constexpr double kMuch = 0.05;        // of the points
-  constexpr int kOfCorrelated = 40;     // neighbours; 48 or 64 are chosen for correlated noise, rows and copies
-  std::vector<std::string> result;
-  const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
-  if (is_sparse && look.noise > 0 && look.spacing > kFarApart * look.noise)
-    result.push_back(
-        fmt::format("points are {:.4g} apart, {:.0f} times the noise of {:.2g}: so far apart, noise and shape look "
-                    "alike, and hardly any noise is removed; --noise gives the noise of a data sheet",
-                    look.spacing, look.spacing / look.noise, look.noise));
-  if (const double large = std::max(look.noise, look.moved.p95); look.diagonal > 0 && large > kLarge * look.diagonal)
-    result.push_back(fmt::format(
-        "the noise of {:.4g} and moves of up to {:.4g} are large against the cloud, whose diagonal is {:.4g}: "
-        "its points, {:.4g} apart, may be too few to show a surface; compare before and after",
-        look.noise, look.moved.max, look.diagonal, look.spacing));
-  if (look.min_neighbors >= kOfCorrelated)
-    result.push_back(
-        fmt::format("neighbourhoods of {} points were chosen, as for long-wave noise, which neighbouring points share, "
-                    "and for rows or copies of points; of shared noise, averaging removes a part only: measure a flat "
-                    "place before and after",
-                    look.min_neighbors));
-  if (double(look.without_surface) > kMuch * double(look.finite))
-    result.push_back(
-        fmt::format("{:.0f} % of the points show no surface and kept their place, as crowns, clutter or outliers do; "
-                    "if a surface is there, --noise with an attribute gives the noise of each point",
-                    100 * double(std::min(look.without_surface, look.finite)) / double(look.finite)));
-  return result;
-}
-
 // A point may be counted in both `kept` and `held`: limits hold outliers and points without a surface, too.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
   return points - std::min(points, kept + held);
@@ -184,7 +143,15 @@ bool is_page(const std::string& report) {
   return extension == ".html" || extension == ".htm" || extension == ".HTML" || extension == ".HTM";
 }
 
+void check_no_table(const std::string& report) {
+  if (std::filesystem::path(report).extension() == ".csv")
+    throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON; name a .json file. Rows in CSV, one a "
+                                              "file, come with pointfair run --each",
+                                              report));
+}
+
 void check_report(const std::string& report, const std::vector<std::string>& files) {
+  check_no_table(report);
   if (is_page(report))
     throw Error(ErrorKind::usage, fmt::format("--report {}: this is written as JSON; name a .json file. A page is made "
                                               "by pointfair run in memory, and by pointfair certify",

@@ -22,8 +22,6 @@ Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
 Json outliers_json(const OutlierCounts& outliers);
-/// A sentence if the steps of floats around one origin are coarse against the noise, else empty.
-std::string coarse_floats(double float_step, double noise);
 /// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
 std::string coarse_steps(double step, double noise);
 /// The error that rounding to such steps adds on each axis.
@@ -39,16 +37,6 @@ std::string noise_source(const Params& asked, const std::string& attribute);
 /// `ignored`. Empty where there are none.
 std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored);
 
-/// What a cloud and a run on it look like, lengths in file units.
-struct Look {
-  double spacing = 0, noise = 0, diagonal = 0;  ///< of the input; 0: unknown
-  Displacement moved;
-  std::uint64_t finite = 0, without_surface = 0;  ///< points
-  int min_neighbors = 0;                          ///< that the run chose; 0: it was given
-};
-/// Sentences on why the result may not be what it seems: the cloud is too sparse to tell noise from shape, what was
-/// removed is large against the cloud, or most points show no surface.
-std::vector<std::string> doubts(const Look& look);
 /// How many points a run treated: those that it neither kept nor held.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);
 /// A sentence where the limits let no point move; empty: they let some.
@@ -62,8 +50,11 @@ std::string_view device_name(Device::Kind kind);
 /// Whether --report names a page and not JSON, by its extension.
 bool is_page(const std::string& report);
 
+/// Throws if --report names a table, which only many files on their own have.
+void check_no_table(const std::string& report);
+
 /// Early check of --report: throws if it would replace one of `files` or cannot be created, as check_page does, and if
-/// it names a page. Empty: no report.
+/// it names a page or a table. Empty: no report.
 void check_report(const std::string& report, const std::vector<std::string>& files);
 void check_page(const std::string& report, const std::vector<std::string>& files);
 

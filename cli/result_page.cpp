@@ -100,15 +100,23 @@ class PageMaker {
   }
 
   std::string lead() const {
-    return fmt::format(
-        "{} points, denoised by pointfair. Noise of the input {}; points moved {} on average, {} at most.",
-        counted(before_.points.size()), typical_noise(), length_(copy_.displacement.mean),
-        length_(copy_.displacement.max));
+    return fmt::format("{} points, {}. Noise of the input {}; points moved {} on average, {} at most.",
+                       counted(before_.points.size()), job_.run ? "denoised by pointfair" : "compared with their input",
+                       typical_noise(), length_(copy_.displacement.mean), length_(copy_.displacement.max));
+  }
+
+  // Of two files whose run is not known: neither what it chose nor what it left out.
+  std::vector<std::string> notes_on_pair() const {
+    const Statistics& moved = copy_.displacement;
+    Estimates known = estimates_;
+    known.without_surface = 0;  // whether such points kept their place is the run's affair
+    return notes_on_run({}, known, {}, {moved.mean, moved.rms, moved.p95, moved.max});
   }
 
   std::string warnings() const {
     std::string items;
-    for (const std::string& note : job_.notes) items += fmt::format("<li>{}</li>\n", escaped(note));
+    for (const std::string& note : job_.run ? job_.notes : notes_on_pair())
+      items += fmt::format("<li>{}</li>\n", escaped(note));
     return section_of("Warnings", items.empty() ? items : fmt::format("<ul class=\"warnings\">\n{}</ul>\n", items));
   }
 

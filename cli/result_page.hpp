@@ -18,7 +18,7 @@ struct PageJob {
   const Report* run = nullptr;          ///< of the run that made the output; null: not known
   Params asked;                         ///< by that run, before anything was estimated
   std::string noise_attribute;          ///< that its noise came from
-  std::vector<std::string> notes;       ///< warnings
+  std::vector<std::string> notes;       ///< warnings of the run; without one the page says what the two files show
   std::vector<std::uint8_t> outliers;   ///< the reason at each point, as Pipeline::outliers; empty: not known
   unsigned threads = 0;
 };

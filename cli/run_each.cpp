@@ -143,7 +143,7 @@ void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
   };
   const auto failures = count("failed");
   if (!arguments.quiet)
-    fmt::print(stderr, "{} of {} files denoised, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
+    fmt::print(stderr, "{} of {} files written, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
                failures);
   std::optional<ErrorKind> kind;
   for (const Row& row : rows) {

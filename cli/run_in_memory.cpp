@@ -182,9 +182,9 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     count_limited(cloud, limits, movable, findings);
     if (copies) return find_copied(write_options, denoised, pipeline, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
-    const std::string far_away = far_viewpoint_note(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints,
-                                                    cloud, pipeline.estimates(stop));
-    if (!far_away.empty()) findings.notes.push_back(far_away);
+    for (const std::string& far_away : notes_on_viewpoints(
+             arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin, pipeline.estimates(stop)))
+      findings.notes.push_back(far_away);
     const std::string by_grid = arguments.viewpoint.empty() ? grid_viewpoint_note(cloud) : "";
     if (!by_grid.empty()) findings.notes.push_back(by_grid);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);

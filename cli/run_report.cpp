@@ -120,8 +120,6 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back("the normals in the file are those from before; --normals update replaces them");
   if (const std::string coarse = coarse_steps(findings.step, findings.noise); !coarse.empty()) result.push_back(coarse);
-  if (const std::string coarse = coarse_floats(findings.float_step, findings.noise); !coarse.empty())
-    result.push_back(coarse);
   return result;
 }
 
@@ -146,7 +144,6 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   const Estimates& estimates = pipeline.estimates(stop);
   findings.spacing = estimates.spacing;
   findings.noise = estimates.noise;
-  findings.diagonal = estimates.diagonal;
   findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
@@ -154,17 +151,9 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.notes = notes(keeps_normals, options, after, findings);
   if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
     findings.notes.push_back(zones);
-  const UnmovedCounts& unmoved = pipeline.report().unmoved;
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> doubtful =
-      doubts({findings.spacing,
-              findings.noise,
-              findings.diagonal,
-              {moved.mean, moved.rms, moved.p95, moved.max},
-              estimates.finite,
-              unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers +
-                  std::uint64_t(estimates.without_surface * double(estimates.finite)),
-              findings.asked.min_neighbors == kAutomatic ? pipeline.report().params.min_neighbors : 0});
+      notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max});
   findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }
 

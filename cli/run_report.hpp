@@ -17,11 +17,11 @@ namespace pointfair::cli {
 
 // What is said about a run beside the library's own report.
 struct Findings {
-  Params asked;                                 // before anything was estimated
-  bool is_copied = false;                       // no point may move, so nothing was computed or measured
-  Report report;                                // the library's own
-  double spacing = 0, noise = 0, diagonal = 0;  // of the input
-  std::string noise_attribute;                  // that the noise comes from; empty: it is estimated
+  Params asked;                   // before anything was estimated
+  bool is_copied = false;         // no point may move, so nothing was computed or measured
+  Report report;                  // the library's own
+  double spacing = 0, noise = 0;  // of the input
+  std::string noise_attribute;    // that the noise comes from; empty: it is estimated
   std::array<double, 3> noise_quantiles{};
   double step = 0;            // between the coordinates written, where these are integers
   double float_step = 0;      // as in Estimates

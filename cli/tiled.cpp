@@ -134,14 +134,9 @@ void print_summary(const TiledReport& report) {
   fmt::print(stderr, "{}{}",
              noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
              rounding_text(report.step));
-  const double noise = report.noise.value_or(0);
   std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
-                                    coarse_steps(report.step, noise), coarse_floats(report.float_step, noise)};
-  const std::uint64_t finite = report.points - std::min(report.points, u.non_finite + report.ignored);
-  const std::vector<std::string> doubtful =
-      doubts({report.spacing.value_or(0), noise, report.diagonal, report.displacement, finite,
-              u.too_few_neighbors + u.no_normal + u.outliers + std::uint64_t(report.without_surface * double(finite)),
-              report.asked.min_neighbors == kAutomatic ? report.params.min_neighbors : 0});
+                                    coarse_steps(report.step, report.noise.value_or(0))};
+  const std::vector<std::string> doubtful = notes_on_run(report);
   notes.insert(notes.end(), doubtful.begin(), doubtful.end());
   if (report.outlier_action.kind != OutlierAction::Kind::none)
     notes.push_back(outcome_text(report.outlier_action, report.outcome));

@@ -114,6 +114,21 @@ TEST(ViewerQuantise, WhatStepsCannotSayIsSentAsItIs) {
   EXPECT_NEAR(moved.max, 5000, 1e-3);
 }
 
+TEST(ViewerQuantise, MostLengthsAreBelowTheNinetyFifthPercentile) {
+  const std::vector<Point> before(10000, Point{0, 0, 0});
+  std::vector<Point> after = before;
+  for (std::size_t i = 0; i < after.size(); ++i) after[i].x = float(i);  // lengths 0 to 9999
+  after[9999].x = std::numeric_limits<float>::quiet_NaN();
+  const Order order(before.size());
+  const float step = displacement_step(1, 10000);
+  EXPECT_NEAR(encode_displacements(before, after, order, 10000, {}, step).p95, 9500, 20);
+  const std::vector<Point> few(before.begin(), before.begin() + 100);
+  EXPECT_EQ(
+      encode_displacements(few, std::vector<Point>(after.begin(), after.begin() + 100), Order(100), 100, {}, step).p95,
+      95);
+  EXPECT_EQ(encode_displacements({}, {}, Order(0), 0, {}, step).p95, 0);
+}
+
 TEST(ViewerQuantise, TangentialMotionTakesSixBytes) {
   const std::vector<Point> before(1000, Point{0, 0, 0}), after(1000, Point{0.3f, 0.1f, 0});
   const Order order(before.size());

@@ -232,6 +232,35 @@ TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
   }
 }
 
+// Oracle: the sentence, with the numbers that a fresh pipeline measures.
+TEST(ViewerSession, AResultSaysWhyItMayNotBeWhatItSeems) {
+  Points scattered = shapes::plane(300);
+  std::mt19937 random(1);
+  for (Point& p : scattered) p.z = std::uniform_real_distribution<float>(0, 1)(random);  // a cube without a surface
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(scattered);
+  const Estimates estimates = pipeline.estimates();
+  Seat seat(scattered);
+  seat.ask(run_text(1, Json::object()));
+  const Json result = seat.result(1).head;
+  char wanted[400];
+  std::snprintf(wanted, sizeof wanted,
+                "the noise of %.4g and moves of up to %.4g are large against the cloud, whose diagonal is %.4g: its "
+                "points, %.4g apart, may be too few to show a surface; compare before and after",
+                estimates.noise, double(result["moved"]["max"]), estimates.diagonal, estimates.spacing);
+  EXPECT_EQ(result["notes"], Json::array({wanted})) << result["notes"];
+  Seat sound(noisy(3000));
+  sound.ask(run_text(1, Json::object()));
+  EXPECT_EQ(sound.result(1).head["notes"], Json::array());
+  Session::Options options = cpu_options();
+  options.viewpoint = "500000,4000000,100";  // of another coordinate system
+  Seat misplaced(noisy(3000), options);
+  misplaced.ask(run_text(1, Json::object()));
+  const Json notes = misplaced.result(1).head["notes"];
+  ASSERT_EQ(notes.size(), 1u) << notes;
+  EXPECT_NE(std::string(notes[0]).find("diagonals outside the bounds of the cloud"), std::string::npos) << notes;
+}
+
 TEST(ViewerSession, ALargeCloudIsShownInPart) {
   Session::Options options = cpu_options();
   options.point_budget = 1000;

@@ -73,8 +73,8 @@ Json cloud_answer(const Cloud& cloud, const CloudFacts& facts) {
           {"settles", facts.settles}};
 }
 
-Json result_answer(const Request& request, const Report& report, const Displacements& moved, float step,
-                   double encode_ms, const Errand& errand) {
+Json result_answer(const Request& request, const Report& report, const Displacements& moved,
+                   const std::vector<std::string>& notes, float step, double encode_ms, const Errand& errand) {
   return {{"type", "result"},
           {"id", request.id},
           {"along_normals", moved.along_normals},
@@ -83,6 +83,7 @@ Json result_answer(const Request& request, const Report& report, const Displacem
           {"moved", {{"mean", moved.mean}, {"rms", moved.rms}, {"max", moved.max}}},
           {"unmoved", report.unmoved.total()},
           {"reasons", reasons_json(report.unmoved)},
+          {"notes", notes},
           {"stages", stages_json(report.stages)},
           {"total_ms", report.total_milliseconds},
           {"encode_ms", encode_ms},

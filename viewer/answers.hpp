@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "message.hpp"
 #include "pointfair/pointfair.hpp"
@@ -31,9 +32,9 @@ struct CloudFacts {
 };
 Json cloud_answer(const Cloud& cloud, const CloudFacts& facts);
 
-/// A run that was completed. `encode_ms` is the time from the run's end on.
-Json result_answer(const Request& request, const Report& report, const Displacements& moved, float step,
-                   double encode_ms, const Errand& errand);
+/// A run that was completed. `notes` as notes_on_run; `encode_ms` is the time from the run's end on.
+Json result_answer(const Request& request, const Report& report, const Displacements& moved,
+                   const std::vector<std::string>& notes, float step, double encode_ms, const Errand& errand);
 
 Json progress_answer(const Json& id, double share, std::string_view stage);
 Json error_answer(const Json& id, std::string_view words);

@@ -137,7 +137,7 @@ void Document::run(const Request& request, std::stop_token stop) {
   last_params_ = request.recipe.params;
   expectation_.learn(pipeline_->report());
   apply_limits(request.recipe.limits, movable_, cloud_.points, result_.points());
-  show_result(request);
+  show_result(request, stop);
 }
 
 void Document::update_movable(const Limits& limits) {
@@ -175,6 +175,7 @@ std::string Document::viewpoint() const { return facts_.path.empty() ? std::stri
 void Document::place_sensor() {
   std::vector<Position> viewpoints = parse_viewpoints(viewpoint(), cloud_);
   pipeline_->set_viewpoint(viewpoints);
+  notes_ = notes_on_viewpoints(viewpoints, cloud_.origin, facts_.estimates);
   for (Position& viewpoint : viewpoints)
     for (std::size_t axis = 0; axis < 3; ++axis) viewpoint[axis] -= cloud_.origin[axis];
   preview_.set_viewpoint(std::move(viewpoints));
@@ -254,7 +255,7 @@ bool Document::takes_motion_normals(const Report& report) {
   return true;
 }
 
-void Document::show_result(const Request& request) {
+void Document::show_result(const Request& request, const std::stop_token& stop) {
   const Report& report = pipeline_->report();
   const auto start = Clock::now();
   const bool fresh = takes_motion_normals(report);
@@ -263,8 +264,11 @@ void Document::show_result(const Request& request) {
   std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
                             make_array("exceptions", moved.exceptions)};
   if (fresh) arrays.push_back(make_array("motion_normals", motion_));
-  send_(
-      pack(result_answer(request, report, moved, facts_.step, milliseconds_since(start), errand_of(request)), arrays));
+  std::vector<std::string> notes = notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
+                                                {moved.mean, moved.rms, moved.p95, moved.max});
+  notes.insert(notes.end(), notes_.begin(), notes_.end());
+  send_(pack(result_answer(request, report, moved, notes, facts_.step, milliseconds_since(start), errand_of(request)),
+             arrays));
 }
 
 void Document::send_shading(std::stop_token stop) {

@@ -56,7 +56,7 @@ class Document {
   std::optional<Params> resolved(const Params& params, const std::stop_token& stop);
   void show_preview(const Request& request, const Params& used, std::stop_token stop);
   void send_part(const Request& request, const Preview::Result& part);
-  void show_result(const Request& request);
+  void show_result(const Request& request, const std::stop_token& stop);
   bool takes_motion_normals(const Report& report);
   void send_cloud();
   void write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop);
@@ -75,6 +75,7 @@ class Document {
   bool has_cloud_ = false;
   Cloud cloud_;
   CloudFacts facts_;
+  std::vector<std::string> notes_;  // on the places of its sensor
   Order order_;
   std::optional<Pipeline> pipeline_;
   Shading shading_;

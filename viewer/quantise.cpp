@@ -146,6 +146,21 @@ Displacements encode_all(const Encoder& encoder, std::size_t count) {
   return joined(blocks, std::move(values), along_normals);
 }
 
+// The length that 95 % of the displacements of the first places do not exceed.
+double most_lengths(const Encoder& encoder, std::size_t count) {
+  constexpr std::size_t kSample = 4096;
+  std::vector<float> lengths;
+  for (std::size_t place = 0; place < std::min(count, kSample); ++place) {
+    const std::uint32_t i = encoder.order.index(place);
+    const Point d = minus(encoder.after[i], encoder.before[i]);
+    if (is_finite(d)) lengths.push_back(std::sqrt(dot(d, d)));
+  }
+  if (lengths.empty()) return 0;
+  const auto most = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() * 95 / 100);
+  std::nth_element(lengths.begin(), most, lengths.end());
+  return *most;
+}
+
 }  // namespace
 
 float displacement_step(double spacing, double diagonal) {
@@ -187,11 +202,11 @@ std::vector<std::int16_t> encode_normals(std::span<const Point> normals, const O
 Displacements encode_displacements(std::span<const Point> before, std::span<const Point> after, const Order& order,
                                    std::size_t count, std::span<const std::int16_t> normals, float step) {
   const Encoder encoder{before, after, order, normals, step};
-  if (normals.size() == 2 * count && count > 0) {
-    Displacements result = encode_all<true>(encoder, count);
-    if (result.places.size() <= count / kExceptionShare) return result;
-  }
-  return encode_all<false>(encoder, count);
+  const bool has_normals = normals.size() == 2 * count && count > 0;
+  Displacements result = has_normals ? encode_all<true>(encoder, count) : encode_all<false>(encoder, count);
+  if (has_normals && result.places.size() > count / kExceptionShare) result = encode_all<false>(encoder, count);
+  result.p95 = most_lengths(encoder, count);
+  return result;
 }
 
 }  // namespace pointfair::viewer

@@ -38,6 +38,7 @@ struct Displacements {
   std::vector<std::uint32_t> places;  ///< of the exceptions, ascending; their values count as 0
   std::vector<float> exceptions;      ///< x, y, z of each
   double mean = 0, rms = 0, max = 0;  ///< of the lengths of finite displacements, file units
+  double p95 = 0;                     ///< of those of the first 4,096 places, which are spread over the file
 };
 
 /// The displacements of the places [0, count) of the order: `after` and `before` are in file order, `normals` holds the

@@ -17,6 +17,7 @@
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
+#include "pointfair/run_notes.hpp"
 #include "pointfair/selection.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "pointfair/version.hpp"

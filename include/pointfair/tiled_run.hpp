@@ -18,6 +18,7 @@
 #include "pointfair/outliers.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 
 namespace pointfair {
@@ -71,7 +72,9 @@ struct TiledReport {
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   double without_surface = 0;               ///< as in Estimates
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
+  Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates
+  std::optional<Position> sensor;           ///< the one place of the sensor that the run took
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
   OutlierAction outlier_action;             ///< as asked for
   OutlierOutcome outcome;                   ///< what it came to

@@ -168,6 +168,17 @@ Row estimates(SharedPipeline& self) {
                         found.float_step, found.without_surface);
 }
 
+// `moves`: mean, rms, 95 % and largest length.
+std::vector<std::string> notes(SharedPipeline& self, const Params& asked, const std::array<double, 4>& moves) {
+  std::vector<std::string> result;
+  self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) {
+    Pipeline& pipeline = arrays.pipeline();
+    result = notes_on_run(asked, pipeline.estimates(watch.stop), pipeline.report(),
+                          {moves[0], moves[1], moves[2], moves[3]});
+  });
+  return result;
+}
+
 Params resolve(SharedPipeline& self, const Params& params) {
   Params result;
   self.use_cloud(
@@ -317,6 +328,7 @@ void bind_pipelines(nb::module_& module) {
            nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none())
       .def("estimates", &estimates)
       .def("resolve", &resolve, nb::arg("params"))
+      .def("notes", &notes, nb::arg("asked"), nb::arg("moves"))
       .def("normals", &normals, nb::arg("out").noconvert())
       .def("noise", &noise, nb::arg("out").noconvert(), nb::arg("params"))
       .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())

@@ -62,7 +62,7 @@ class Pipeline(Generic[Points]):
         self._layout: Layout | None = None
         self._on_card: Any = None  # the array that lies on the card
         self._given: set[str] = set()  # beside the points, since the last load
-        self._last_params: Params | None = None
+        self._asked = Params()  # of the last run
 
     def load(self, points: Points, *, ignore: str | None = None) -> None:
         """Copies an array of positions, (N, 3) or (N, 4), an image of them, (H, W, 3) or (H, W, 4), or a Cloud to the device. The next run starts with the first
@@ -116,6 +116,7 @@ class Pipeline(Generic[Points]):
                 if out is not None:
                     raise UsageError("out= takes arrays, and a Cloud was loaded: leave it out")
                 moved: Any = Cloud._of(self._native.run_cloud(chosen._native, *limits, show))
+                self._asked = chosen
                 return moved  # type: ignore[no-any-return]
             if holds == "array on card":
                 if limits != (1.0, None, None, ""):
@@ -124,6 +125,7 @@ class Pipeline(Generic[Points]):
             assert self._layout is not None
             result = Result(self._layout, out)
             self._native.run(chosen._native, result.rows, *limits, show)
+            self._asked = chosen
             return result.finish()  # type: ignore[no-any-return]
 
     def _run_step(self, step: Step, params: Params, strength: float, box: list[float] | None, mask: Any) -> Points:
@@ -139,6 +141,7 @@ class Pipeline(Generic[Points]):
         stream = _card.current_stream(layout)
         result = _card.CardResult(layout, self._on_card, out, stream)
         self._native.run_on_card(params._native, result.native, stream, show)
+        self._asked = params
         return result.array
 
     def resolve(self, params: Params | None = None, **parameters: Unpack[ParamArguments]) -> Params:
@@ -151,6 +154,27 @@ class Pipeline(Generic[Points]):
     def estimates(self) -> Estimates:
         """Bounds, spacing and noise of the loaded cloud. Measured once after each load."""
         return Estimates(*self._native.estimates())
+
+    def notes(self, moved: Any = 0.0) -> list[str]:
+        """Why the result of the last run may not be what it seems, in sentences, as the program prints them: points
+        too sparse for their noise, noise or moves that are large against the cloud, neighbourhoods as for noise that
+        neighbours share, points that show no surface. `moved` are the lengths that points moved, an array; without it
+        large moves are not told. Empty where there is nothing to say. Measures what estimates() does; O(N) for `moved`.
+
+        Examples:
+            >>> rng = np.random.default_rng(1)
+            >>> sparse = np.c_[1000 * rng.random((3000, 2)), rng.normal(0, 0.02, 3000)]
+            >>> pipeline = Pipeline("cpu")
+            >>> pipeline.load(sparse)
+            >>> result = pipeline.run()
+            >>> notes = pipeline.notes(np.linalg.norm(result - sparse, axis=1))
+            >>> any("so far apart, noise and shape look alike" in note for note in notes)
+            True
+        """
+        lengths = np.asarray(moved, np.float64).ravel()
+        lengths = lengths[np.isfinite(lengths)] if np.isfinite(lengths).any() else np.zeros(1)
+        moves = (lengths.mean(), np.sqrt(np.mean(lengths**2)), np.quantile(lengths, 0.95), lengths.max())
+        return self._native.notes(self._asked._native, [float(value) for value in moves])
 
     @overload
     def normals(self) -> NDArray[np.float32]: ...

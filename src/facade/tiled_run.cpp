@@ -188,7 +188,12 @@ TiledReport TiledRun::report() const {
     report.tiles = folder.plan.tiles;
     report.asked = folder.plan.params;
     report.params = state_->params();
-    report.diagonal = diagonal_of(state_->measured().bounds);
+    const Bounds& bounds = state_->measured().bounds;
+    const Position& origin = state_->measured().origin;
+    report.min = {origin[0] + bounds.min.x, origin[1] + bounds.min.y, origin[2] + bounds.min.z};
+    report.max = {origin[0] + bounds.max.x, origin[1] + bounds.max.y, origin[2] + bounds.max.z};
+    report.diagonal = diagonal_of(bounds);
+    report.sensor = folder.plan.sensor;
     const WantedEstimates needed = needed_by(folder.plan.params).estimates;
     if (needed.spacing) report.spacing = state_->measured().spacing.mean;
     if (needed.noise) {
@@ -201,8 +206,7 @@ TiledReport TiledRun::report() const {
     report.noise_attribute = folder.plan.noise_attribute;
     report.outlier_action = folder.plan.outlier_action;
     const Zones zones = folder.plan.zones();
-    report.float_step =
-        zones.are_several() ? zones.float_step() : float_step_of(state_->measured().bounds, state_->measured().origin);
+    report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
     report.ignored = state_->measured().ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;

@@ -15,9 +15,9 @@ struct Part {
   std::uint64_t degenerate = 0;
 };
 
-using Corners = std::span<const std::uint32_t>;
+using FaceVertices = std::span<const std::uint32_t>;
 
-OrderedFaces::Beside beside_of(Corners corners, std::uint32_t vertex) {
+OrderedFaces::Beside beside_of(FaceVertices corners, std::uint32_t vertex) {
   const std::size_t own = std::size_t(std::find(corners.begin(), corners.end(), vertex) - corners.begin()),
                     last = corners.size() - 1;
   return {corners[own < last ? own + 1 : 0], corners[own > 0 ? own - 1 : last]};
@@ -44,18 +44,17 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
   });
   for (const Part& part : parts) degenerate_ += part.degenerate;
 
-  ByNumber<Corners> sorted = sort_by_number<Corners>(parts.size(), vertices.size(), for_each,
-                                                     [&](std::size_t first, std::size_t last, const auto& emit) {
-                                                       for (std::size_t part = first; part < last; ++part) {
-                                                         const std::uint32_t* next = parts[part].corners.data();
-                                                         for (const std::uint32_t count : parts[part].sizes)
-                                                           emit(*next, Corners(next, count)), next += count;
-                                                       }
-                                                     });
+  ByNumber<FaceVertices> sorted = sort_by_number<FaceVertices>(
+      parts.size(), vertices.size(), for_each, [&](std::size_t first, std::size_t last, const auto& emit) {
+        for (std::size_t part = first; part < last; ++part) {
+          const std::uint32_t* next = parts[part].corners.data();
+          for (const std::uint32_t count : parts[part].sizes) emit(*next, FaceVertices(next, count)), next += count;
+        }
+      });
   for_mesh_blocks(vertices.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t v = first; v < last; ++v) {
-      const std::span<Corners> its = sorted.of(v);
-      std::sort(its.begin(), its.end(), [](Corners a, Corners b) {
+      const std::span<FaceVertices> its = sorted.of(v);
+      std::sort(its.begin(), its.end(), [](FaceVertices a, FaceVertices b) {
         return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
       });
     }

@@ -24,7 +24,7 @@ class Each(Case):
         said = self.each()
         self.assertIn("3 files, each on its own", said)
         self.assertIn("[2/3]", said)
-        self.assertIn("3 of 3 files denoised", said)
+        self.assertIn("3 of 3 files written", said)
         for name in ("a.ply", "b.ply", "c.ply"):
             self.ok("run", self.stations / name, self.path(name), "-q")
             self.assertEqual((self.out / name).read_bytes(), self.path(name).read_bytes())
@@ -67,7 +67,7 @@ class Each(Case):
         for name in ("b.ply", "c.ply"):
             (self.out / name).unlink()
         said = self.each("--skip-existing")
-        self.assertIn("2 of 3 files denoised, 1 skipped, 0 failed", said)
+        self.assertIn("2 of 3 files written, 1 skipped, 0 failed", said)
         self.assertEqual((self.out / "a.ply").read_text(), "mine")
 
     def test_progress_is_over_all(self):

@@ -168,6 +168,18 @@ class Pages(Case):
         write_ply(self.path("short.ply"), points[1:])
         self.fails(3, "certify", self.scan, self.path("short.ply"), "--report", self.path("s.html"), says=["4000", "3999"])
 
+    def test_certify_warns_of_what_two_files_show(self):
+        self.ok("run", self.scan, self.out, "-q")
+        self.ok("certify", self.scan, self.out, "-q")
+        sound = self.path("out.html").read_text()
+        self.assertNotIn("Warnings", sound)
+        self.assertNotIn("denoised by pointfair", sound)  # nobody knows that of two files
+        rng = random.Random(1)
+        write_ply(self.scan, [[rng.uniform(0, 1000) for _ in range(3)] for _ in range(300)])
+        self.ok("run", self.scan, self.out, "-q", "--force")
+        self.ok("certify", self.scan, self.out, "-q", "--force")
+        self.assertRegex(self.path("out.html").read_text(), r"(?s)Warnings.*large against the cloud")
+
     def test_classes_and_units(self):
         rng = random.Random(5)
         ground = [(x, y, rng.gauss(0, 0.02 if x < 25 else 0.05)) for x, y in ((rng.uniform(0, 50), rng.uniform(0, 50)) for _ in range(8000))]
@@ -179,6 +191,11 @@ class Pages(Case):
         self.assertTrue(quiet[1].endswith(" mm") and loud[1].endswith(" mm"), (quiet, loud))
         self.assertGreater(float(loud[1].split()[0]), 1.5 * float(quiet[1].split()[0]))
         self.assertTrue(any("25832" in value for rows in page.rows.values() for row in rows for value in row))
+
+    def test_json_is_not_called_a_table(self):
+        for words in (("run", self.scan, self.out), ("info", self.scan), ("run", self.scan, self.out, "--tiles", 2)):
+            self.fails(2, *words, "--report", self.path("r.csv"), says=["r.csv", ".json", "--each"])
+        self.assertFalse(self.path("r.csv").exists())
 
     def test_a_page_is_not_json_elsewhere(self):
         for verb in (["info", self.scan], ["compare", self.scan, self.scan], ["bench"]):

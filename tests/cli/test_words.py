@@ -67,6 +67,9 @@ class Words(Case):
         write_ply(self.path("in.ply"), ground)
         for tiles in ([], ["--tiles", "2"]):
             self.assertRegex(self.said(*tiles), r"note: points are 1\d\.\d+ apart, \d+ times the noise")
+            self.assertIn("data sheet", self.said(*tiles))
+            self.assertIn("; a larger --noise removes more\n", self.said("--noise", "0.01", *tiles))
+            self.assertNotIn("so far apart", self.said("--noise", "1", *tiles))
 
     def test_moves_that_are_large_against_the_cloud_are_told(self):
         rng = random.Random(1)

@@ -41,6 +41,21 @@ def test_frames_with_parameters_resolved_once():
     assert len(pipeline) == 2500 and "2500 points" in repr(pipeline)
 
 
+def test_notes_are_those_of_the_last_run():
+    rng = np.random.default_rng(1)
+    cube = 1000 * rng.random((300, 3))
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(POINTS)
+    pipeline.run()
+    assert pipeline.notes() == []
+    pipeline.run(min_neighbors=48)
+    assert pipeline.notes() == []  # given, not chosen
+    pipeline.load(cube)
+    moved = np.linalg.norm(pipeline.run() - cube, axis=1)
+    told = [note for note in pipeline.notes(moved) if "large against the cloud" in note]
+    assert len(told) == 1 and f"{moved.max():.4g}" in told[0]
+
+
 def test_a_loaded_array_may_change_afterwards():
     for points in (POINTS.copy(), POINTS.astype(np.float32), np.c_[POINTS, POINTS[:, 0]]):
         pipeline = pf.Pipeline("cpu")

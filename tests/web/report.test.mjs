@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page that --report writes, in a browser: everyone can read it, on a telephone and on paper, without a network.
 import assert from "node:assert/strict";
+import { spawnSync } from "node:child_process";
 import { readFileSync, statSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import test from "node:test";
 import { pathToFileURL } from "node:url";
-import { modules, openBrowser, run, settled, temporaryFolder, view, openPage } from "./program.mjs";
+import { entry, kProgram, modules, openBrowser, run, settled, temporaryFolder, view, openPage } from "./program.mjs";
 
 const kAxe = readFileSync(modules.resolve("axe-core/axe.min.js"), "utf8");
 
@@ -65,4 +66,37 @@ test("the viewer has no serious fault of accessibility", async (t) => {
   const empty = await openPage(t, page.context().browser(), (await view(t, ["--port", 0])).url);
   await empty.page.getByRole("heading", { name: "Open a scan" }).waitFor();
   assert.deepEqual(await seriousFindings(empty.page), [], "without a file");
+});
+
+test("the viewer says what the program says of a result that may not be what it seems", async (t) => {
+  const folder = temporaryFolder(t);
+  const [scan, out] = ["sparse.xyz", "out.xyz"].map((name) => path.join(folder, name));
+  const random = (i, seed) => ((i * 7919 + seed * 104729) * 9301 + 49297) % 233280 / 233.28; // 0 to 1000
+  writeFileSync(scan, Array.from({ length: 3000 }, (_, i) => `${random(i, 1)} ${random(i * i, 2)} ${random(i * 31, 3) / 20000}`).join("\n"));
+  const { stderr } = spawnSync(kProgram, ["run", scan, out], { encoding: "utf8" });
+  const said = [...stderr.matchAll(/^note: (.*)$/gm)].map(([, note]) => note);
+  assert.match(said.join(), /so far apart, noise and shape look alike/);
+
+  const { url } = await view(t, [scan, "--port", 0]);
+  const { page, faults } = await openPage(t, await openBrowser(t), url);
+  await settled(page);
+  const notes = page.getByRole("status").filter({ hasText: "on this result" });
+  assert.deepEqual(await notes.locator("li").allTextContents(), said);
+  assert.deepEqual(await seriousFindings(page), []);
+  await page.setViewportSize({ width: 360, height: 740 });
+  assert.ok(await page.evaluate(() => document.documentElement.scrollWidth <= innerWidth), "nothing is wider than the screen");
+  const title = page.locator(".notes summary");
+  for (let i = 0; i < 50 && !(await title.evaluate((element) => element === document.activeElement)); ++i) await page.keyboard.press("Tab");
+  await page.keyboard.press("Enter");
+  assert.ok(await notes.locator("li").first().isHidden(), "the keyboard folds them");
+  await entry(page, "noise").fill("1"); // then the points are not far apart for it
+  await entry(page, "noise").press("Enter");
+  await settled(page);
+  assert.equal(await page.locator(".notes").isVisible(), false);
+  assert.deepEqual(faults, []);
+
+  const phone = await openPage(t, page.context().browser(), url, { viewport: { width: 360, height: 740 } });
+  await settled(phone.page);
+  assert.ok(await phone.page.locator(".notes summary").isVisible());
+  assert.ok(await phone.page.locator(".notes li").first().isHidden(), "where they would hide the picture, they are folded");
 });

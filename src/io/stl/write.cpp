@@ -11,16 +11,16 @@ namespace {
 
 constexpr bool kSwap = std::endian::native == std::endian::big;
 
-using Corners = std::array<Position, 3>;
+using Triangle = std::array<Position, 3>;
 
 // The triangles of all faces that have a place: those with an invalid corner have none.
-std::vector<Corners> triangles_of(const Table& table) {
-  std::vector<Corners> result;
+std::vector<Triangle> triangles_of(const Table& table) {
+  std::vector<Triangle> result;
   std::uint64_t begin = 0;
   for (const std::uint64_t end : table.faces.ends) {
     const auto at = [&](std::uint64_t c) { return table.positions[table.faces.corners[c]]; };
     for (std::uint64_t c = begin + 2; c < end; ++c) {
-      const Corners corners{at(begin), at(c - 1), at(c)};
+      const Triangle corners{at(begin), at(c - 1), at(c)};
       if (std::all_of(corners.begin(), corners.end(),
                       [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); }))
         result.push_back(corners);
@@ -37,7 +37,7 @@ void append_binary(std::string& to, T value) {
   to.append(bytes, sizeof bytes);
 }
 
-void write_binary(const std::vector<Corners>& triangles, Output& out) {
+void write_binary(const std::vector<Triangle>& triangles, Output& out) {
   std::string header = "binary STL written by pointfair";  // not "solid", by which files of text are known
   header.resize(80);
   append_binary(header, static_cast<std::uint32_t>(triangles.size()));
@@ -50,7 +50,7 @@ void write_binary(const std::vector<Corners>& triangles, Output& out) {
   });
 }
 
-void write_text(const std::vector<Corners>& triangles, NativeType type, Output& out) {
+void write_text(const std::vector<Triangle>& triangles, NativeType type, Output& out) {
   out.write("solid pointfair\n");
   write_rows(out, triangles.size(), [&](std::size_t t, std::string& buffer) {
     buffer += "facet normal";
@@ -104,7 +104,7 @@ std::vector<std::string> losses_in_new_stl(const Cloud& cloud) {
 }
 
 void write_stl(const Table& table, Encoding encoding, Output& out) {
-  const std::vector<Corners> triangles = triangles_of(table);
+  const std::vector<Triangle> triangles = triangles_of(table);
   if (triangles.size() > 0xFFFFFFFF) throw Error(ErrorKind::usage, "STL files hold at most 4294967295 triangles");
   if (encoding == Encoding::ascii) return write_text(triangles, native(table.coordinate_type), out);
   write_binary(triangles, out);

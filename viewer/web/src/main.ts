@@ -9,6 +9,7 @@ import { Header } from "./header";
 import { helpDialog } from "./help";
 import { listenToKeys } from "./keys";
 import { Legend } from "./legend";
+import { Notes } from "./notes";
 import { Panel } from "./panel";
 import { Pointer } from "./pointer";
 import type { CloudHead, Hello, Message, Recipe, Result } from "./protocol";
@@ -29,6 +30,7 @@ class Page {
   private readonly stage = new Stage(this.view, (done) => this.viewChanged(done), (file) => void this.upload(file));
   private readonly status = new Status(() => this.connection.cancel());
   private readonly legend = new Legend();
+  private readonly notes = new Notes();
   private readonly help = helpDialog();
   private readonly actions = {
     setMode: (mode: Mode) => this.setMode(mode),
@@ -75,7 +77,7 @@ class Page {
   constructor() {
     document.body.append(this.header.element, this.stage.element, this.status.element, this.help);
     this.stage.element.prepend(this.scene.canvas);
-    this.stage.add(this.legend.element);
+    this.stage.add(this.legend.element, this.notes.element);
     this.scene.onCamera = () => {
       this.focus = undefined;
       this.writeUrl();
@@ -394,6 +396,7 @@ class Page {
     this.scene.hold(original);
     this.stage.showView(original);
     this.header.setResult(this.result !== null);
+    this.notes.show(this.result?.notes ?? []);
   }
 
   private showLimits(): void {

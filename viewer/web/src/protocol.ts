@@ -102,6 +102,7 @@ export interface Result {
   unmoved: number;
   /** Why; the counts are all of `unmoved`. */
   reasons: Record<string, number>;
+  notes: string[]; // why the result may not be what it seems
   stages: { name: string; ms: number }[];
   total_ms: number;
   encode_ms: number;

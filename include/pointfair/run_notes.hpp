@@ -1,0 +1,38 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a user should know of a result, in sentences for people: why it may not be what it seems. They are what the
+// program prints as `note:` and the viewer shows; their wording may change with any version.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "pointfair/export.hpp"
+#include "pointfair/positions.hpp"
+#include "pointfair/report.hpp"
+#include "pointfair/tiled_run.hpp"
+
+namespace pointfair {
+
+/// Of a cloud before a run: coordinates around one origin whose steps are coarse against the noise. Lengths are in file
+/// units. Empty where there is nothing to say. O(1); never fails.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estimates);
+
+/// Of a run in memory: the notes on its cloud; and that points are too sparse to tell noise from shape, that noise or
+/// moves are large against the cloud, that wide neighbourhoods were chosen as for long-wave noise, or that many points
+/// show no surface. `asked`: the parameters as they were given to Pipeline::run; `estimates` and `report`: of that
+/// pipeline; `moved`: how far points moved in the end, with all limits. Empty where there is nothing to say. O(1);
+/// never fails.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates,
+                                                       const Report& report, const Displacement& moved);
+
+/// Of the places of sensors that a run took, in the coordinates of the file: one that lies more than a hundred
+/// diagonals outside the bounds of the cloud, as where it is in another unit or another coordinate system. `origin`: of
+/// the cloud that the estimates are of. O(number of places); never fails.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints,
+                                                              const Position& origin, const Estimates& estimates);
+
+/// The same as notes_on_run and notes_on_viewpoints, of a run in tiles.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const TiledReport& report);
+
+}  // namespace pointfair

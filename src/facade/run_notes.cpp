@@ -1,0 +1,173 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "pointfair/run_notes.hpp"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace pointfair {
+namespace {
+
+// What a cloud and a run on it look like, lengths in file units; 0: unknown.
+struct Look {
+  double spacing = 0, noise = 0, diagonal = 0, float_step = 0;  // of the input
+  bool is_noise_given = false;
+  Displacement moved;
+  std::uint64_t finite = 0, without_surface = 0;  // points
+  int min_neighbors = 0;                          // that the run chose; 0: it was given
+};
+
+std::string written(double value, std::chars_format format, int digits) {
+  char text[512];  // the longest is a double without exponent
+  return {text, std::to_chars(text, text + sizeof text, value, format, digits).ptr};
+}
+
+std::string rounded(double value, int digits = 4) { return written(value, std::chars_format::general, digits); }
+
+std::string whole(double value) { return written(value, std::chars_format::fixed, 0); }
+
+void add_coarse_floats(const Look& look, std::vector<std::string>& notes) {
+  constexpr double kFewest = 3;  // steps in the noise; rounding then adds less than .5 % to it
+  if (!(look.noise > 0) || !(kFewest * look.float_step > look.noise)) return;
+  notes.push_back("coordinates far from the middle of the cloud are computed in steps of " + rounded(look.float_step) +
+                  ", coarse against the noise of " + rounded(look.noise) + "; split so wide a cloud");
+}
+
+void add_sparse(const Look& look, std::vector<std::string>& notes) {
+  constexpr double kFarApart = 100;     // spacings in the noise; below a seventieth, run removes hardly any
+  constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
+  const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
+  if (!is_sparse || !(look.noise > 0) || look.spacing <= kFarApart * look.noise) return;
+  notes.push_back("points are " + rounded(look.spacing) + " apart, " + whole(look.spacing / look.noise) +
+                  " times the noise of " + rounded(look.noise, 2) +
+                  ": so far apart, noise and shape look alike, and hardly any noise is removed; " +
+                  (look.is_noise_given ? "a larger --noise removes more" : "--noise gives the noise of a data sheet"));
+}
+
+void add_large(const Look& look, std::vector<std::string>& notes) {
+  constexpr double kLarge = 0.02;  // of the diagonal; noise that anyone measured is a tenth of that
+  const double large = std::max(look.noise, look.moved.p95);
+  if (!(look.diagonal > 0) || large <= kLarge * look.diagonal) return;
+  notes.push_back("the noise of " + rounded(look.noise) + " and moves of up to " + rounded(look.moved.max) +
+                  " are large against the cloud, whose diagonal is " + rounded(look.diagonal) + ": its points, " +
+                  rounded(look.spacing) + " apart, may be too few to show a surface; compare before and after");
+}
+
+void add_long_wave(const Look& look, std::vector<std::string>& notes) {
+  constexpr int kOfCorrelated = 40;  // neighbours; 48 or 64 are chosen for correlated noise, rows and copies
+  if (look.min_neighbors < kOfCorrelated) return;
+  notes.push_back("neighbourhoods of " + std::to_string(look.min_neighbors) +
+                  " points were chosen, as for long-wave noise, which neighbouring points share, and for rows or "
+                  "copies of points; of shared noise, averaging removes a part only: measure a flat place before and "
+                  "after");
+}
+
+void add_no_surface(const Look& look, std::vector<std::string>& notes) {
+  constexpr double kMuch = 0.05;  // of the points
+  if (double(look.without_surface) <= kMuch * double(look.finite)) return;
+  const std::string share =
+      whole(100 * double(std::min(look.without_surface, look.finite)) / double(look.finite)) + " %";
+  notes.push_back(share +
+                  " of the points show no surface and kept their place, as crowns, clutter or outliers do; if a "
+                  "surface is there, --noise with an attribute gives the noise of each point");
+}
+
+void add_far_sensors(std::span<const Position> sensors, const Position& min, const Position& max, double diagonal,
+                     std::vector<std::string>& notes) {
+  constexpr double kFar = 100;  // diagonals; a crop of a flight has some dozens
+  if (!(diagonal > 0)) return;
+  double farthest = 0;
+  for (const Position& place : sensors) {
+    double squares = 0;
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      squares += std::pow(std::max({0.0, min[axis] - place[axis], place[axis] - max[axis]}), 2);
+    if (std::isfinite(squares)) farthest = std::max(farthest, std::sqrt(squares));
+  }
+  if (farthest <= kFar * diagonal) return;
+  notes.push_back("the sensor stood " + whole(farthest / diagonal) +
+                  " diagonals outside the bounds of the cloud, so its place may be in another unit or coordinate "
+                  "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
+}
+
+std::vector<std::string> notes_on(const Look& look) {
+  std::vector<std::string> notes;
+  add_coarse_floats(look, notes);
+  add_sparse(look, notes);
+  add_large(look, notes);
+  add_long_wave(look, notes);
+  add_no_surface(look, notes);
+  return notes;
+}
+
+// Points that kept their place for want of a surface. `share`: of the finite points, where the cloud shows none.
+std::uint64_t count_without_surface(const UnmovedCounts& unmoved, double share, std::uint64_t finite) {
+  return unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + std::uint64_t(share * double(finite));
+}
+
+bool is_noise_given(const Params& asked, const Params& used) {
+  return !asked.noise.is_automatic() && used.noise.unit == Length::Unit::file;
+}
+
+// Of a typical place, as the run took it.
+double noise_of(const Params& asked, const Params& used, double estimated) {
+  return is_noise_given(asked, used) ? used.noise.value : estimated;
+}
+
+int chosen_min_neighbors(const Params& asked, const Params& used) {
+  return asked.min_neighbors == kAutomatic ? used.min_neighbors : 0;
+}
+
+}  // namespace
+
+std::vector<std::string> notes_on_cloud(const Estimates& estimates) {
+  std::vector<std::string> notes;
+  Look look;
+  look.noise = estimates.noise;
+  look.float_step = estimates.float_step;
+  add_coarse_floats(look, notes);
+  return notes;
+}
+
+std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates, const Report& report,
+                                      const Displacement& moved) {
+  return notes_on(
+      {.spacing = estimates.spacing,
+       .noise = noise_of(asked, report.params, estimates.noise),
+       .diagonal = estimates.diagonal,
+       .float_step = estimates.float_step,
+       .is_noise_given = is_noise_given(asked, report.params),
+       .moved = moved,
+       .finite = estimates.finite,
+       .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
+       .min_neighbors = chosen_min_neighbors(asked, report.params)});
+}
+
+std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
+                                             const Estimates& estimates) {
+  Position min = origin, max = origin;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    min[axis] += estimates.min[axis];
+    max[axis] += estimates.max[axis];
+  }
+  std::vector<std::string> notes;
+  add_far_sensors(viewpoints, min, max, estimates.diagonal, notes);
+  return notes;
+}
+
+std::vector<std::string> notes_on_run(const TiledReport& report) {
+  const std::uint64_t finite = report.points - std::min(report.points, report.unmoved.non_finite + report.ignored);
+  std::vector<std::string> notes =
+      notes_on({.spacing = report.spacing.value_or(0),
+                .noise = noise_of(report.asked, report.params, report.noise.value_or(0)),
+                .diagonal = report.diagonal,
+                .float_step = report.float_step,
+                .is_noise_given = is_noise_given(report.asked, report.params),
+                .moved = report.displacement,
+                .finite = finite,
+                .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
+                .min_neighbors = chosen_min_neighbors(report.asked, report.params)});
+  if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
+  return notes;
+}
+
+}  // namespace pointfair
