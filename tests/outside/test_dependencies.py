@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configures the project as machines do that lack what it is built with (cmake/dependencies.cmake): one message names all that
 is missing; nothing is fetched where all is found, or where it is not asked for; and what is asked for is taken from the
-folder that is named for it."""
+folder that is named for it. Debian's packages of the same names are in every recipe that installs them."""
 import argparse
 import os
 import pathlib
@@ -35,6 +35,13 @@ def check(claim, holds, output):
 check("every dependency is pinned by an address and a hash", len(NEEDS) == len(re.findall(r"^ *pointfair_need\(", TEXT, re.M)), NEEDS)
 for name, _, _, kind, place, digest in NEEDS:
     check(f"{name} comes by https and has a whole hash", place.startswith("https://") and len(digest) == (64 if kind == "URL" else 40), digest)
+
+FOR_TESTS = {"Eigen3", "GTest", "rapidcheck"}
+for file in ("scripts/install_packages.sh", "packaging/debian/control", "packaging/docker/Dockerfile", "packaging/docker/pointfair.def"):
+    named = set(re.findall(r"[\w-]+", pathlib.Path(args.source, file).read_text()))
+    for name, debian, *_ in NEEDS:
+        if name not in FOR_TESTS or file.startswith("scripts"):
+            check(f"{file} installs {debian}", debian in named, file)
 
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)
