@@ -2,7 +2,6 @@
 # Headers of this machine as packages of a prefix, without the rest of its /usr/include.
 
 # The package NAME with the target NAME::TARGET over headers of this machine, to which the prefix has links.
-set(headers fast_float)  # found without a package of its own
 function(add_headers name target header)
   add_library(${target} INTERFACE)
   target_include_directories(${target} INTERFACE $<INSTALL_INTERFACE:include>)
@@ -11,6 +10,7 @@ function(add_headers name target header)
   set(headers ${headers} ${header} PARENT_SCOPE)
 endfunction()
 add_headers(CLI11 CLI11 CLI)
+add_headers(FastFloat fast_float fast_float)
 add_headers(fmt fmt fmt)
 add_headers(nlohmann_json nlohmann_json nlohmann)
 add_headers(nanoflann nanoflann nanoflann.hpp)

@@ -5,12 +5,14 @@
     scripts/wheels/make.py linux-x86_64 --dist dist
 
 The compiler is zig, whose version and that of all else is pinned in tools.txt, python.txt and parts.py. What is downloaded
-stays in build/downloads and build/wheels, so that a second call needs no network."""
+stays in build/downloads and build/wheels, so that a second call needs no network. linux-x86_64-cuda is linux-x86_64 with the
+CUDA backend, by nvcc and g++ of this machine, linked by zig."""
 import argparse
 import dataclasses
 import hashlib
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import sys
@@ -31,6 +33,7 @@ class Target:
     python: str  # what CPython calls it
     runs_here: bool = False
     pythons: tuple = ("3.12", "3.11", "3.10")
+    cuda: bool = False
 
     @property
     def is_windows(self):
@@ -43,6 +46,7 @@ class Target:
 
 TARGETS = {
     "linux-x86_64": Target("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", "linux-x86_64", runs_here=True),
+    "linux-x86_64-cuda": Target("x86_64-linux-gnu.2.28", "manylinux_2_28_x86_64", "linux-x86_64", runs_here=True, cuda=True),
     "linux-aarch64": Target("aarch64-linux-gnu.2.28", "manylinux_2_28_aarch64", "linux-aarch64"),
     "macos-arm64": Target("aarch64-macos.11.0", "macosx_11_0_arm64", "macosx-11.0-arm64", pythons=("3.12",)),
     "windows-x86_64": Target("x86_64-windows-gnu", "win_amd64", "win-amd64", pythons=("3.12",)),
@@ -50,6 +54,8 @@ TARGETS = {
 # Version of CPython: what scikit-build-core calls the stable interface that its extension is for. nanobind linked in has
 # one from 3.12 on, so that the wheel of 3.12 is for all later ones.
 PYTHONS = {"3.12": "cp312", "3.11": "", "3.10": ""}
+# Machine code runs on all later cards of its major version, so these are all cards from 7.5 to 9.0; PTX is for those to come.
+ARCHITECTURES = "75-real;80-real;90"
 
 
 def find_python(version):
@@ -68,12 +74,12 @@ def find_python(version):
 class Build:
     """The folders and the commands of one target."""
 
-    def __init__(self, name, work, zig):
-        self.name, self.target, self.zig, self.shared = name, TARGETS[name], zig, work
+    def __init__(self, name, work, zig, architectures):
+        self.name, self.target, self.zig, self.shared, self.architectures = name, TARGETS[name], zig, work, architectures
         self.work = work / name
         self.parts, self.prefix, self.licenses = self.work / "parts", self.work / "prefix", self.work / "licenses"
-        self.toolchain = {"CMAKE_TOOLCHAIN_FILE": ROOT / "cmake/zig.cmake", "POINTFAIR_ZIG": zig,
-                          "POINTFAIR_ZIG_TARGET": self.target.zig}
+        file = ROOT / f"cmake/{'gcc_by_zig' if self.target.cuda else 'zig'}.cmake"
+        self.toolchain = {"CMAKE_TOOLCHAIN_FILE": file, "POINTFAIR_ZIG": zig, "POINTFAIR_ZIG_TARGET": self.target.zig}
 
     def configure(self, source, build, **values):
         # a launcher as ccache would take zig, whose first word is a verb, for a compiler
@@ -86,14 +92,21 @@ class Build:
         self.configure(ROOT / "cmake/parts", self.work / "build-parts", CMAKE_INSTALL_PREFIX=self.parts,
                        PARTS_ONETBB=sources["onetbb"], PARTS_PUGIXML=sources["pugixml"])
         run("cmake", "--build", self.work / "build-parts", "--target", "install")
-        self.configure(ROOT, self.work / "build", CMAKE_PREFIX_PATH=self.parts, POINTFAIR_CUDA="OFF", POINTFAIR_TESTS="OFF",
-                       POINTFAIR_VIEWER="ON")
+        cuda = {"POINTFAIR_CUDA_ARCHITECTURES": self.architectures, "CMAKE_CUDA_FLAGS": "--compress-mode=size"} if self.target.cuda else {}
+        self.configure(ROOT, self.work / "build", CMAKE_PREFIX_PATH=self.parts, POINTFAIR_CUDA="ON" if cuda else "OFF",
+                       POINTFAIR_TESTS="OFF", POINTFAIR_VIEWER="ON", **cuda)
         run("cmake", "--build", self.work / "build")
         shutil.rmtree(self.prefix, ignore_errors=True)
         run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
 
     def collect_licenses(self, sources, nanobind):
-        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind, self.target.is_windows)
+        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind, self.target.is_windows,
+                         self.cuda_toolkit() if self.target.cuda else None)
+
+    def cuda_toolkit(self):
+        """The folder of the toolkit whose runtime CMake found."""
+        runtime, = re.findall(r"^CUDA_cudart_static_LIBRARY:FILEPATH=(.*)$", (self.work / "build/CMakeCache.txt").read_text(), re.M)
+        return next(folder for folder in pathlib.Path(runtime).resolve().parents if (folder / "bin/nvcc").exists())
 
     def make_archive(self, version, dist):
         """pointfair-VERSION-TARGET.tar.gz, or .zip for Windows, with a folder of that name."""
@@ -144,7 +157,12 @@ class Build:
         folder, = work.iterdir()
         metadata, = folder.glob("*.dist-info/METADATA")
         kept = [line for line in metadata.read_text().splitlines() if not line.startswith("Requires-Dist: nanobind-backend")]
+        # PyPI takes one file for each system, so the wheel with CUDA has a version of its own, which names the runtime's
+        suffix = f"+cuda{cuda_major()}" if self.target.cuda else ""
+        kept = [line + suffix if line.startswith("Version: ") else line for line in kept]
         metadata.write_text("\n".join(kept) + "\n")
+        renamed = metadata.parent.with_name(metadata.parent.name.replace(".dist-info", f"{suffix}.dist-info"))
+        metadata = metadata.parent.rename(renamed) / metadata.name
         if self.target.is_windows:  # pip makes a program of it
             with (folder / f"{metadata.parent.name}/entry_points.txt").open("a") as entries:
                 entries.write("\n[console_scripts]\npointfair = pointfair._program:main\n")
@@ -187,6 +205,11 @@ class Build:
             *folder.glob("pointfair/_native*.so"))
 
 
+def cuda_major():
+    said = subprocess.run(["nvcc", "--version"], capture_output=True, text=True, check=True).stdout
+    return re.search(r"release (\d+)", said).group(1)
+
+
 def without_owner(info):
     info.uid = info.gid = 0
     info.uname = info.gname = ""
@@ -208,6 +231,8 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("targets", nargs="+", choices=TARGETS, help="for which systems, linux-x86_64 first")
     parser.add_argument("--dist", type=pathlib.Path, required=True, help="where wheels and archives go")
+    parser.add_argument("--cuda-architectures", default=ARCHITECTURES, metavar="LIST",
+                        help="cards that linux-x86_64-cuda has code for, as CMake names them (%(default)s)")
     args = parser.parse_args()
     follow_processors()
     work, downloads = ROOT / "build/wheels", ROOT / "build/downloads"
@@ -220,7 +245,7 @@ def main():
     dist = args.dist.resolve()
     dist.mkdir(parents=True, exist_ok=True)
     for name in args.targets:
-        build = Build(name, work, zig)
+        build = Build(name, work, zig, args.cuda_architectures)
         build.make_program(sources)
         build.collect_licenses(sources, folder_of(next(iter(pythons.values())), "nanobind"))
         write_checksum(build.make_archive(version_of_pointfair(), dist))

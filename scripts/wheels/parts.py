@@ -71,7 +71,11 @@ def unpack(package, downloads, into):
 
 def license_of_header(header):
     """Of the package that this machine has the header from."""
-    said = subprocess.run(["dpkg", "-S", f"/usr/include/{header}"], capture_output=True, text=True, check=True).stdout
+    return license_of_file(f"/usr/include/{header}")
+
+
+def license_of_file(file):
+    said = subprocess.run(["dpkg", "-S", file], capture_output=True, text=True, check=True).stdout
     text = pathlib.Path("/usr/share/doc", said.split(":")[0], "copyright").read_text()
     if len(text) < 100_000:
         return text
@@ -99,9 +103,19 @@ def licenses_of_module(source, page, zig):
     }
 
 
-def collect_licenses(into, sources, page, zig, nanobind, for_windows):
+def licenses_of_cuda(toolkit):
+    """Of what a build with CUDA holds beside: the toolkit's runtime and headers, and g++'s library."""
+    # NVIDIA's installers put it on top; in the packages of PyPI it lies with the runtime
+    texts = [path for path in (toolkit / "EULA.txt", *toolkit.rglob("nvidia_cuda_runtime*/licenses/License.txt")) if path.exists()]
+    if not texts:
+        sys.exit(f"the licence of the CUDA runtime is not in {toolkit}: put NVIDIA's EULA.txt there")
+    library = subprocess.run(["g++", "-print-file-name=libstdc++.a"], capture_output=True, text=True, check=True).stdout.strip()
+    return {"CUDA": texts[0].read_text(), "libstdc++": license_of_file(str(pathlib.Path(library).resolve()))}
+
+
+def collect_licenses(into, sources, page, zig, nanobind, for_windows, cuda_toolkit):
     """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
-    the viewer's page is built in. Stops where one is missing: a file without it must not be given away."""
+    the viewer's page is built in; `cuda_toolkit`: the folder of the CUDA toolkit, or None. Stops where one is missing: a file without it must not be given away."""
     robin_map = (nanobind / "ext/robin_map/include/tsl/robin_map.h").read_text()
     nanobind_license, = nanobind.parent.glob("nanobind-*.dist-info/licenses/LICENSE")
     found = {
@@ -112,6 +126,7 @@ def collect_licenses(into, sources, page, zig, nanobind, for_windows):
         "three.js": (page / "node_modules/three/LICENSE").read_text(),
         **licenses_of_zig(zig, for_windows),
         **{name: license_of_header(header) for name, header in HEADERS.items()},
+        **(licenses_of_cuda(cuda_toolkit) if cuda_toolkit else {}),
     }
     shutil.rmtree(into, ignore_errors=True)
     into.mkdir(parents=True)
