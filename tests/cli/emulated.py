@@ -31,7 +31,6 @@ NOT_THERE = {"wine": {
     "test_tiled.Bits.test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so": "a limit of Linux",
     "test_tiled.Cost.test_each_step_reads_and_writes_what_the_design_says": "what wine reads for itself counts, too",
     "test_tiled.Cost.test_halos_of_leaves_cost_little_beyond_the_halo": "what wine reads for itself counts, too",
-    "test_zones.Zones.test_a_run_that_was_killed_goes_on": "every run is killed before wine has started it",
     "test_view.View.test_saving_stays_in_its_folder": "whole paths begin with the letter of a drive",
     "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
 }, "qemu": {
