@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test walks wheel wheels golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test walks wheel wheels wheel-sources golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -24,6 +24,7 @@ help:
 	@echo "make walks    random walks through the calls of a pipeline, other ones each day (SEEDS='1 2 3')"
 	@echo "make wheel    the Python package with the program, dist/*.whl"
 	@echo "make wheels   wheels and archives for several systems with a pinned compiler, in dist (WHEELS='$(WHEELS)')"
+	@echo "make wheel-sources  what make wheels links in, from Debian 12 into build/downloads, for another system to make the wheels"
 	@echo "make golden-aarch64  the program that make wheels WHEELS='linux-x86_64 linux-aarch64' made gives the known bytes in qemu"
 	@echo "make test-aarch64  the tests of the command line with that program, in qemu"
 	@echo "make golden-windows  the same for the program of windows-x86_64, in wine"
@@ -91,6 +92,10 @@ WHEELS ?= linux-x86_64
 wheels:
 	@$(install) build
 	scripts/wheels/make.py $(WHEELS) --dist dist
+
+# only Debian 12 has them: elsewhere make wheels finds them in build/downloads
+wheel-sources:
+	scripts/wheels/parts.py build/downloads
 
 # in the emulator qemu, with the C library of Debian's libc6-arm64-cross
 golden-aarch64:

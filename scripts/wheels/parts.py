@@ -1,3 +1,4 @@
+#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """What is linked into a wheel: sources with their hashes, and the licences of all of it."""
 import hashlib
@@ -46,8 +47,8 @@ def fetch(package, into):
             shutil.move(path, into / path.name)
 
 
-def unpack(package, downloads, into):
-    """The folder of the package's sources, whose archive is fetched if it is not in `downloads` yet."""
+def archive_of(package, downloads):
+    """The package's sources in `downloads`, with the known hash; they are fetched if they are not there yet."""
     name, expected = SOURCES[package]
     archive = downloads / name
     downloads.mkdir(parents=True, exist_ok=True)
@@ -58,6 +59,12 @@ def unpack(package, downloads, into):
         sys.exit(f"{archive} is not here and apt-get did not bring it: put Debian 12's file of that name there")
     if hashlib.sha256(archive.read_bytes()).hexdigest() != expected:
         sys.exit(f"{archive} is not the file it should be: remove it and try again")
+    return archive
+
+
+def unpack(package, downloads, into):
+    """The folder of the package's sources."""
+    archive = archive_of(package, downloads)
     folder = into / package
     if not folder.exists():
         part = into / f"{package}.part"
@@ -132,3 +139,8 @@ def collect_licenses(into, sources, page, zig, nanobind, for_windows, cuda_toolk
     into.mkdir(parents=True)
     for name, text in found.items():
         (into / f"{name}.txt").write_text(text)
+
+
+if __name__ == "__main__":  # fetches the sources alone: parts.py FOLDER
+    for wanted in SOURCES:
+        print(archive_of(wanted, pathlib.Path(sys.argv[1])))

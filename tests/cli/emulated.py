@@ -6,15 +6,20 @@
     tests/cli/emulated.py qemu build/wheels/linux-aarch64/prefix/bin/pointfair [test_verbs ...]
 
 What the emulator or the system cannot do is named in NOT_THERE, with the reason."""
+import argparse
+import collections
+import concurrent.futures
 import importlib
 import os
 import pathlib
 import shlex
 import sys
 import tempfile
+import time
 import unittest
 
 HERE = pathlib.Path(__file__).resolve().parent
+SLOW = {"test_kills", "test_outlier_classes", "test_survey", "test_tiled", "test_zones"}  # begun first
 COMMANDS = {"wine": "wine", "qemu": "qemu-aarch64-static -L /usr/aarch64-linux-gnu"}
 BLOCKED = "it waits until Linux says that the process blocks a signal, which qemu does for the program without telling Linux"
 NOT_THERE = {"wine": {
@@ -26,7 +31,6 @@ NOT_THERE = {"wine": {
     "test_tiled.Bits.test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so": "a limit of Linux",
     "test_tiled.Cost.test_each_step_reads_and_writes_what_the_design_says": "what wine reads for itself counts, too",
     "test_tiled.Cost.test_halos_of_leaves_cost_little_beyond_the_halo": "what wine reads for itself counts, too",
-    "test_zones.Zones.test_a_run_that_was_killed_goes_on": "every run is killed before wine has started it",
     "test_view.View.test_saving_stays_in_its_folder": "whole paths begin with the letter of a drive",
     "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
 }, "qemu": {
@@ -43,29 +47,51 @@ def tests_of(suite):
         yield from tests_of(test) if isinstance(test, unittest.TestSuite) else [test]
 
 
+def run_one(name):
+    """The name of a test, its seconds, what happened, and what it has to say."""
+    result, begin = unittest.TestResult(), time.monotonic()
+    unittest.defaultTestLoader.loadTestsFromName(name).run(result)
+    said = [(kind, text) for kind, several in (("FAIL", result.failures), ("ERROR", result.errors), ("not run", result.skipped))
+            for _, text in several]
+    kind, text = said[0] if said else ("ok", "")
+    return name, time.monotonic() - begin, kind, text
+
+
 def main():
-    emulator, program, *names = sys.argv[1:]
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("emulator", choices=COMMANDS)
+    parser.add_argument("program")
+    parser.add_argument("names", nargs="*", help="modules, classes or tests, as test_verbs; none: all")
+    parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="tests at a time")
+    args = parser.parse_args()
     sys.path.insert(0, str(HERE))
     with tempfile.TemporaryDirectory() as folder:
-        program, start = pathlib.Path(program).resolve(), pathlib.Path(folder, "bin/pointfair")
+        program, start = pathlib.Path(args.program).resolve(), pathlib.Path(folder, "bin/pointfair")
         start.parent.mkdir()
         start.parent.with_name("share").symlink_to(program.parent.parent / "share")  # the page, where the tests look for it
-        start.write_text(f"#!/bin/sh\nexec {COMMANDS[emulator]} {shlex.quote(str(program))} \"$@\"\n")
+        start.write_text(f"#!/bin/sh\nexec {COMMANDS[args.emulator]} {shlex.quote(str(program))} \"$@\"\n")
         start.chmod(0o755)
         os.environ.update(POINTFAIR_BIN=str(start), WINEDEBUG="-all")
-        suite, left_out = unittest.TestSuite(), 0
-        for name in names or sorted(path.stem for path in HERE.glob("test_*.py")):
-            for test in tests_of(unittest.defaultTestLoader.loadTestsFromModule(importlib.import_module(name))):
-                reason = NOT_THERE[emulator].get(name) or NOT_THERE[emulator].get(test.id())
-                if reason:
-                    left_out += 1
-                    print(f"not run: {test.id()}: {reason}")
-                else:
-                    suite.addTest(test)
-        result = unittest.TextTestRunner().run(suite)
-        skipped, wrong = len(result.skipped), len(result.failures) + len(result.errors)
-        print(f"{result.testsRun - skipped - wrong} of {result.testsRun - skipped} tests pass, {left_out + skipped} not run")
-        sys.exit(0 if result.wasSuccessful() else 1)
+        importlib.import_module("program").TIMEOUT = 1200  # an emulator takes some ten times as long
+        names, left_out = [], 0
+        modules = args.names or sorted((path.stem for path in HERE.glob("test_*.py")), key=lambda name: (name not in SLOW, name))
+        for test in tests_of(unittest.defaultTestLoader.loadTestsFromNames(modules)):
+            name = test.id()
+            reason = next((NOT_THERE[args.emulator][part] for part in (name, name.partition(".")[0])
+                           if part in NOT_THERE[args.emulator]), None)
+            if reason:
+                left_out += 1
+                print(f"not run: {name}: {reason}")
+            else:
+                names.append(name)
+        outcomes = collections.Counter()
+        with concurrent.futures.ProcessPoolExecutor(args.jobs) as pool:
+            for done in concurrent.futures.as_completed([pool.submit(run_one, name) for name in names]):
+                name, seconds, kind, text = done.result()
+                outcomes[kind] += 1
+                print(f"{kind}: {name}: {seconds:.1f} s{': ' if text else ''}{text}", flush=True)
+        print(f"{outcomes['ok']} of {len(names) - outcomes['not run']} tests pass, {left_out + outcomes['not run']} not run")
+        sys.exit(1 if outcomes["FAIL"] or outcomes["ERROR"] else 0)
 
 
 main()

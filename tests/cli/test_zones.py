@@ -7,6 +7,7 @@ import shutil
 import signal
 import struct
 import subprocess
+import time
 import unittest
 
 from program import BIN, Case
@@ -64,12 +65,15 @@ class Zones(Case):
 
     def test_a_run_that_was_killed_goes_on(self):
         self.ok("run", self.wide, self.path("whole.las"), "-q")
+        begin = time.monotonic()
+        self.ok("run", self.wide, self.path("tiled.las"), "--tiles", 9, "-q")
+        duration = time.monotonic() - begin
         self.ok("tile", "plan", self.wide, "--out", self.path("out.las"), "--work", self.path("work"), "--tiles", 9)
         generator = random.Random(5)
         for _ in range(60):
             worker = subprocess.Popen([BIN, "tile", "run", self.path("work"), "--all", "-q"])
             try:
-                if worker.wait(generator.uniform(0, 0.5)) == 0:
+                if worker.wait(generator.uniform(0, duration)) == 0:
                     break
             except subprocess.TimeoutExpired:
                 worker.send_signal(signal.SIGKILL)
