@@ -79,8 +79,10 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
   double farthest = 0;
   for (const Position& place : sensors) {
     double squares = 0;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      squares += std::pow(std::max({0.0, min[axis] - place[axis], place[axis] - max[axis]}), 2);
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const double outside = std::max({0.0, min[axis] - place[axis], place[axis] - max[axis]});
+      squares += outside * outside;
+    }
     if (std::isfinite(squares)) farthest = std::max(farthest, std::sqrt(squares));
   }
   if (farthest <= kFar * diagonal) return;
