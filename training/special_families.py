@@ -223,6 +223,16 @@ def much_noise(rng: Random) -> Drawn:
     return plain(scene, clean, triangle, sigma * rng.normal(size=clean.shape), {"sigma": sigma})
 
 
+@family("special")
+def much_noise_along(rng: Random) -> Drawn:
+    """Random points of a height field or an object with noise of 1 to 6 spacings along one direction, and less across."""
+    scene = scene_of("field", _height_field(rng, int(rng.integers(60, 200)))) if rng.random() < .5 else objects.one_object(rng)
+    clean, triangle = sampled(scene, rng, usual_count(rng))
+    sigma = log_uniform(rng, 1, 6) * spacing_over(scene, len(clean))
+    error = rng.normal(size=(len(clean), 1)) * unit(rng.normal(size=3)) + rng.uniform(.05, .4) * rng.normal(size=clean.shape)
+    return plain(scene, clean, triangle, sigma * error, {"sigma": sigma})
+
+
 @family("clean")
 def clean_field(rng: Random) -> Drawn:
     """Random points of a height field, no noise."""

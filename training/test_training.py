@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The generator: rays against sums by hand, and of each family that its truth is true. Skipped (77) without numpy, scipy
 or g++."""
+import pathlib
 import shutil
 import sys
 import unittest
@@ -25,6 +26,14 @@ import shapes
 import tables
 from measure import Truth, agreement
 from scene import Scene
+
+try:
+    sys.path.append(str(pathlib.Path(__file__).resolve().parent / "net"))
+    import coarse
+    import spec
+    import torch
+except ImportError:
+    torch = None
 
 ARRAYS = ("points", "clean", "normal", "surface", "edge", "part", "spacing", "vertices", "triangles")
 
@@ -126,6 +135,15 @@ class Families(unittest.TestCase):
             places = np.flatnonzero(cloud.surface)[::50]
             self.assertAlmostEqual(float(np.median(cloud.local_noise(places))) / sigma, 1, delta=.12)
 
+    def test_much_noise_along_has_one_direction_and_the_size_that_is_asked(self):
+        for seed in (8, 9):
+            cloud = families.draw("much_noise_along", seed)
+            error = (cloud.points - cloud.clean).astype(float)
+            along, across, least = np.linalg.svd(error, compute_uv=False) / np.sqrt(len(error))
+            sigma = cloud.settings["sigma"]
+            self.assertTrue(.95 * sigma < along < 1.15 * sigma, along / sigma)
+            self.assertTrue(.04 * sigma < least <= across < .42 * sigma, (least / sigma, across / sigma))
+
     def test_window_matched_errors_of_neighbouring_pixels_are_alike(self):
         field = errors.window_matched(np.random.default_rng(4), (300, 300), 12, passes=2)
         self.assertAlmostEqual(float(field.std()), 1, delta=1e-9)
@@ -155,6 +173,46 @@ class Measures(unittest.TestCase):
     def test_errors_far_below_the_spacing_count_as_equal(self):
         row = {"before": {"spacing": 1.0}, "a": {"mean": 1e-9}, "b": {"mean": 1e-6}}
         self.assertEqual(tables.ratio(row, "a", "b"), 1)
+
+
+@unittest.skipUnless(torch, "no torch")
+class CoarseLists(unittest.TestCase):
+    def setUp(self):
+        rng = np.random.default_rng(5)
+        places = rng.normal(size=(2, 3000, 3)).astype(np.float32)
+        places[:, 1000:1200] = places[:, :200]                       # copies
+        cloud = np.repeat([0, 1, 2, -1], [2000, 700, 60, 240]).astype(np.int16)[None].repeat(2, 0)
+        self.places, self.cloud = torch.from_numpy(places), torch.from_numpy(cloud)
+        self.finest = torch.from_numpy(rng.integers(0, 3000, (2, 3000, 16)))
+        self.salt = torch.tensor([3, 77])
+        self.lists = coarse.lists_of(self.places, self.cloud, self.finest, self.salt).numpy()
+
+    def test_each_list_has_the_nearest_members_of_the_own_cloud_or_is_the_finer_one(self):
+        share = coarse.shares(self.places, self.salt[:, None]).numpy()
+        kept = set()
+        for piece, scale, number in [(p, s, c) for p in range(2) for s in range(1, len(spec.STRIDES)) for c in range(3)]:
+            own = np.flatnonzero(self.cloud[piece].numpy() == number)
+            members = own[share[piece, own] < 1 / spec.STRIDES[scale]]
+            place = self.places[piece].numpy().astype(float)
+            for point in own[::37]:
+                others = members[members != point]
+                found = self.lists[piece, scale, point]
+                kept.add(len(others) < 16)
+                if len(others) < 16:
+                    np.testing.assert_array_equal(found, self.lists[piece, scale - 1, point])
+                    continue
+                away = np.sort(np.linalg.norm(place[others] - place[point], axis=1))[:16]
+                self.assertTrue(set(found) <= set(others))
+                np.testing.assert_allclose(np.linalg.norm(place[found] - place[point], axis=1), away, rtol=1e-5, atol=1e-6)
+        self.assertEqual(kept, {True, False})
+
+    def test_a_scale_holds_its_share_of_points_copies_together_and_others_with_another_salt(self):
+        one, other = (coarse.shares(self.places, self.salt[:, None] + k).numpy() for k in (0, 1))
+        np.testing.assert_array_equal(one[:, :200], one[:, 1000:1200])
+        for stride in spec.STRIDES[1:]:
+            spread = 4 * np.sqrt(6000 / stride)
+            self.assertAlmostEqual((one < 1 / stride).sum(), 6000 / stride, delta=spread)
+            self.assertAlmostEqual(((one < 1 / stride) & (other < 1 / stride)).sum(), 6000 / stride ** 2, delta=spread)
 
 
 if __name__ == "__main__":

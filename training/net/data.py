@@ -3,8 +3,9 @@
 
 A file NAME.npz holds some pieces of one cloud, each of as many points as every other: arr_0 measured places, arr_1 what
 the default run made of them, arr_2 its normals, arr_3 the noise at each point, arr_4 the true places, arr_5 true
-normals, arr_6 which points are sound, arr_7 which lie well within the piece, arr_8 the lists of neighbours (points,
-scales, 16); and kind, the group and the name of the family, as in training/families.py.
+normals, arr_6 which points are sound, arr_7 which lie well within the piece, arr_8 the number of the cloud of each point
+where small ones share a piece, -1 for points that fill it, arr_9 the 16 nearest points of each; and kind, the group and
+the name of the family, as in training/families.py.
 """
 import threading
 import time
@@ -13,8 +14,10 @@ from pathlib import Path
 import numpy as np
 import torch
 
+import coarse
 import model
 
+COLUMNS = 10
 FLOOR = 0.01  # spacings, below which errors do not count
 
 
@@ -30,14 +33,14 @@ class Pieces:
                 continue
             self.seen.add(path.name)
             with np.load(path) as file:
-                kind, columns = str(file["kind"]), [file[f"arr_{i}"] for i in range(9)]
+                kind, columns = str(file["kind"]), [file[f"arr_{i}"] for i in range(COLUMNS)]
             if kind.startswith(self.without):
                 continue
-            columns[8] = columns[8].astype(np.int16)  # below 32,768 points
+            columns[-1] = columns[-1].astype(np.int16)  # below 32,768 points
             columns = [torch.as_tensor(column).to(self.device) for column in columns]
             number = int("".join(c for c in path.stem if c.isdigit()))
             for piece in zip(*columns):
-                (self.held_out if number % self.every == 0 else self.training).append((kind, list(piece[:8]), piece[8]))
+                (self.held_out if number % self.every == 0 else self.training).append((kind, piece))
 
     def keep_loading(self, folder, most=10**9, pause=5.0):
         """Loads in a thread of its own what comes into the folder."""
@@ -51,22 +54,25 @@ class Pieces:
 
 
 class Batch:
-    """Pieces side by side, and how far the points of each lie from the truth."""
+    """Pieces side by side, and how far the points of each lie from the truth. With a generator, what is said of the noise
+    is off, and coarse scales hold other points each time."""
 
     def __init__(self, pieces, generator=None):
-        self.kinds = [kind for kind, _, _ in pieces]
+        self.kinds = [kind for kind, _ in pieces]
         self.count, self.points = len(pieces), len(pieces[0][1][0])
-        columns = [torch.cat([tensors[i] for _, tensors, _ in pieces]) for i in range(8)]
-        measured, self.classical, normal, noise, self.true, self.true_normal, sound, within = columns
+        columns = [torch.cat([tensors[i] for _, tensors in pieces]) for i in range(COLUMNS)]
+        measured, self.classical, normal, noise, self.true, self.true_normal, sound, within, cloud, finest = columns
+        salt = torch.arange(self.count, device=noise.device)
         if generator is not None:  # what is said of the noise is never quite right
             factor = torch.exp(0.15 * torch.randn(self.count, generator=generator, device=noise.device))
             noise = noise * factor.repeat_interleave(self.points)
+            salt = torch.randint(2**62, (self.count,), generator=generator, device=noise.device)
         self.judged = (sound & within & (noise > 0)).float().view(self.count, -1)
         noise = noise.clamp_min(1e-9)
+        of_piece = lambda column: column.view(self.count, self.points, *column.shape[1:])
+        lists = coarse.lists_of(of_piece(self.classical), of_piece(cloud), of_piece(finest).long(), salt)
         start = torch.arange(self.count, device=noise.device)[:, None, None] * self.points
-        stacked = torch.stack([lists for _, _, lists in pieces]).long().flatten(2) + start
-        stacked = stacked.view(self.count * self.points, -1, 16)
-        lists = [stacked[:, scale].contiguous() for scale in range(stacked.shape[1])]
+        lists = [(scale + start).flatten(0, 1).contiguous() for scale in lists.unbind(1)]
         self.noise = noise
         self.geometry = model.Geometry(measured, self.classical, normal, noise, lists)
         own = torch.arange(len(noise), device=noise.device)[:, None]

@@ -19,12 +19,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 import families
-import reference
 import spec
 
 SIZE = 8192  # points of a piece; clouds of 10,000 points are common
 MOST = 3  # pieces of a cloud
-EVEN, OBJECTS = 0.3, 0.15  # of the clouds: object_even, any object; the others from all families
+EVEN, OBJECTS, HARD = 0.25, 0.15, 0.2  # of the clouds: object_even, any object, spec.HARD; the others from all families
 SOUND = 0.05  # of a piece's points at least lie on a surface; there are forests with 15 leaves for a point of the ground
 TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4"}
 
@@ -54,20 +53,12 @@ def default_run(program, points, scratch):
     return column("x", "y", "z"), column("nx", "ny", "nz"), rows["noise"].astype(np.float32)
 
 
-def lists_of(points):
-    """Neighbours in each scale. Which points a scale holds follows from their positions, so that it holds all copies of a
-    point or none, as in the program."""
-    share, lists, own = reference.share_of_hash(points, points.min(0)), [], np.arange(len(points))[:, None]
-    for stride in spec.STRIDES:
-        members = np.flatnonzero(share < 1 / stride)
-        if len(members) <= spec.NEIGHBORS:  # as in the program: the list of the finer scale again
-            lists.append(lists[-1])
-            continue
-        found = members[cKDTree(points[members]).query(points, spec.NEIGHBORS + 1)[1]]
-        is_own = found == own
-        is_own[~is_own.any(1), spec.NEIGHBORS] = True
-        lists.append(found[~is_own].reshape(-1, spec.NEIGHBORS))
-    return np.stack(lists, 1).astype(np.uint16)
+def nearest(points):
+    """The 16 nearest others of each."""
+    found = cKDTree(points).query(points, spec.NEIGHBORS + 1)[1]
+    is_own = found == np.arange(len(points))[:, None]
+    is_own[~is_own.any(1), spec.NEIGHBORS] = True
+    return found[~is_own].reshape(-1, spec.NEIGHBORS).astype(np.uint16)
 
 
 def pieces_of(cloud, program, scratch, rng):
@@ -86,7 +77,8 @@ def pieces_of(cloud, program, scratch, rng):
         within = away < (0.9 * away.max() if len(measured) > 1.3 * SIZE else np.inf)
         classical = off(places.astype(float))
         columns = [off(measured), classical, normals[chosen], noise[chosen], off(true)]
-        pieces.append(columns + [cloud.normal[chosen].astype(np.float32), sound, within, lists_of(classical)])
+        columns += [cloud.normal[chosen].astype(np.float32), sound, within, np.zeros(SIZE, np.int16)]
+        pieces.append(columns + [nearest(classical)])
     return pieces
 
 
@@ -100,7 +92,8 @@ def whole_cloud(cloud, program, scratch):
     off = lambda a: ((a - true[0]) * scale).astype(np.float32)
     classical = off(places.astype(float))
     columns = [off(measured), classical, normals, noise * np.float32(scale), off(true)]
-    return columns + [cloud.normal.astype(np.float32), cloud.surface, np.ones(len(true), bool), lists_of(classical)]
+    columns += [cloud.normal.astype(np.float32), cloud.surface, np.ones(len(true), bool), np.zeros(len(true), np.int16)]
+    return columns + [nearest(classical)]
 
 
 class Pile:
@@ -114,7 +107,8 @@ class Pile:
         full = self.piece() if self.count + len(columns[0]) > SIZE else None
         if full:
             self.clouds, self.count = [], 0
-        columns[8] = columns[8] + np.uint16(self.count)
+        columns[8] = columns[8] + np.int16(len(self.clouds))
+        columns[9] = columns[9] + np.uint16(self.count)
         self.clouds.append(columns)
         self.count += len(columns[0])
         return full
@@ -124,6 +118,7 @@ class Pile:
         rows = np.minimum(np.arange(SIZE), self.count - 1)
         columns = [column[rows] for column in columns]
         columns[7][self.count :] = False
+        columns[8][self.count :] = -1
         return columns
 
 
@@ -144,8 +139,8 @@ def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
     piles, scratch = defaultdict(Pile), f"{out}/scratch{worker}"
     while time.time() < end:
         rng = np.random.default_rng(seed)
-        dice = rng.random()
-        among = ["object_even"] if dice < EVEN else objects if dice < EVEN + OBJECTS else names
+        shares = [EVEN, OBJECTS, HARD, 1 - EVEN - OBJECTS - HARD]
+        among = (["object_even"], objects, spec.HARD, names)[rng.choice(4, p=shares)]
         family = among[rng.integers(len(among))]
         cloud = families.draw(family, seed)
         if len(cloud.points) >= SIZE:

@@ -32,3 +32,7 @@ STEEPNESS = (160.0, 0.0)
 SLOPE = (64.0, 64.0)  # -1 to 1
 SIDE = (32.0, 64.0)  # -2 to 2
 CLIP = 4.0  # noises, of heights that gates weigh
+
+# Families of which nets before left some clouds worse than the default run: pieces.py draws more of them, train.py gives
+# them turns of their own.
+HARD = ("object_anisotropic", "much_noise_along", "thin_plates", "fine_relief", "terrestrial_close")

@@ -18,6 +18,7 @@ import torch
 
 import data
 import model
+import spec
 
 
 def arguments():
@@ -38,13 +39,18 @@ def arguments():
     return parser.parse_args()
 
 
+HARM = 4  # times that what is left worse than by the default run counts
+
+
 def loss_of(batch, points):
-    """Logarithms of ratios to the default run; what is worse than it counts three times, and clean clouds twice."""
+    """The loss, and by how much each piece is worse than the default run. The loss is of logarithms of ratios to it; what
+    is worse counts HARM times, and clean clouds twice."""
     mean, rms, chamfer = batch.ratios(points)
     worse = torch.relu(mean + 0.005) + torch.relu(rms + 0.005)
     of_object = torch.tensor([kind.startswith("objects") for kind in batch.kinds], device=mean.device).float()
     is_clean = torch.tensor([kind.startswith("clean") for kind in batch.kinds], device=mean.device).float()
-    return ((1 + is_clean) * (mean + rms + 2 * worse + 3 * of_object * chamfer)).mean()
+    loss = ((1 + is_clean) * (mean + rms + (HARM - 1) * worse + 3 * of_object * chamfer)).mean()
+    return loss, (torch.relu(mean) + torch.relu(rms)).detach()
 
 
 def average(states):
@@ -76,8 +82,10 @@ def validate(net, pieces, together):
 
 
 EVEN = "objects_object_even"
-GROUPS = (EVEN, "scans", "special", "objects", "scans", EVEN, "scans", "clean", EVEN, "scans", "special", EVEN)
-GROUPS += ("scans", "objects", EVEN, "scans", "special", EVEN, "scans", "objects")
+CORRELATED, BLURRED = "objects_object_correlated", "objects_object_blurred"
+GROUPS = (EVEN, "scans", "hard", "objects", "scans", EVEN, "hard", "clean", "scans", EVEN, CORRELATED, "special")
+GROUPS += ("scans", "hard", EVEN, "scans", "objects", EVEN, "scans", BLURRED, "hard", "special", EVEN, "scans")
+REPORT = 50  # steps, after which the card is asked what they left
 
 
 class Training:
@@ -100,6 +108,8 @@ class Training:
         self.start = copy.deepcopy(self.smooth)
         self.generator = torch.Generator(device=a.device).manual_seed(a.seed + self.step)
         self.by_group, self.sorted = defaultdict(lambda: defaultdict(list)), 0
+        self.turn = 0  # in GROUPS
+        self.harm, self.unread = [], []  # of each piece when it was last chosen; (pieces, harm) of the last steps
         self.dice = random.Random(a.seed + self.step)
 
     def compile(self, pieces):
@@ -134,18 +144,23 @@ class Training:
         self.a.state.with_suffix(".new").replace(self.a.state)
 
     def choose(self, pieces):
-        """Groups and kinds take turns (GROUPS), kinds in a group are alike."""
+        """Their numbers. Groups and kinds take turns (GROUPS), kinds in a group are alike; the first place of each step goes
+        to a piece that was left worse than by the default run when it was last chosen, the more likely the worse."""
         by_group, chosen = self.by_group, []
         while self.sorted < len(pieces):
             kind = pieces[self.sorted][0]
-            for group in (kind.split("_")[0], kind):
+            first, family = kind.split("_", 1)
+            for group in (first, kind) + ("hard",) * (family in spec.HARD):
                 by_group[group][kind].append(self.sorted)
             self.sorted += 1
+            self.harm.append(0.0)
         for place in range(self.a.pieces):
-            group = GROUPS[(self.step * self.a.pieces + place) % len(GROUPS)]
+            if place == 0 and sum(self.harm) > 0:
+                chosen += self.dice.choices(range(self.sorted), self.harm)
+                continue
+            group, self.turn = GROUPS[self.turn % len(GROUPS)], self.turn + 1
             kinds = by_group[group if group in by_group else sorted(by_group)[place % len(by_group)]]
-            of_kind = kinds[self.dice.choice(sorted(kinds))]
-            chosen.append(pieces[self.dice.choice(of_kind)])
+            chosen.append(self.dice.choice(kinds[self.dice.choice(sorted(kinds))]))
         return chosen
 
     def rate(self):
@@ -154,8 +169,10 @@ class Training:
         return self.a.rate * warm * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * done)))
 
     def train_once(self, pieces):
-        batch = data.Batch(self.choose(pieces), self.generator)
-        loss = loss_of(batch, self.net(batch.geometry))
+        chosen = self.choose(pieces)
+        batch = data.Batch([pieces[number] for number in chosen], self.generator)
+        loss, harm = loss_of(batch, self.net(batch.geometry))
+        self.unread.append((chosen, harm))
         self.optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(self.net.parameters(), 1.0)
@@ -166,11 +183,17 @@ class Training:
         self.optimiser.step()
         self.step += 1
         recent = self.step - self.warm + 200
-        keep = min(0.998, recent / (recent + 20))
+        keep = min(0.999, recent / (recent + 20))
         with torch.no_grad():
             for kept, now in zip(self.smooth.parameters(), self.net.parameters()):
                 kept.lerp_(now, 1 - keep)
-        return float(loss.detach()) if self.step % 50 == 0 else None
+        if self.step % REPORT:
+            return None
+        for numbers, row in zip((numbers for numbers, _ in self.unread), torch.stack([h for _, h in self.unread]).tolist()):
+            for number, its in zip(numbers, row):
+                self.harm[number] = its if math.isfinite(its) else 0.0
+        self.unread.clear()
+        return float(loss.detach())
 
 
 def main():
