@@ -165,18 +165,20 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
 }
 
 // Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
-// point as much as between neighbours, and still between every eighth, by residuals that grow there, too, and ever
-// less. Those of smooth shape grow faster from some size on, those of a relief of one wavelength end with it, and those
-// of a rough surface are large against the spacing.
-bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, const std::stop_token& stop) {
+// point as much as between neighbours, among which residuals in flat places grow by `growth`, and still between every
+// eighth. Residuals of shape grow more with each scale, those of a relief of one wavelength end with it, and those of
+// other rough surfaces are large against the spacing.
+bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, double growth,
+                       const std::stop_token& stop) {
   const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
   for (const int stride : {2, 4, 8}) {
     const Samples thinned = from.take_thinned_samples({}, some, stride, stop);
     const Noise noise = noise_of(thinned.noise, false);
     const std::vector<point::ResidualSample> residuals = thinned.residuals();
+    const Growth there = residual_growth(residuals);
     const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
     if (stride < 8 && !(is_small && correlation(residuals) >= kFarCorrelation)) return false;
-    if (stride > 2 && residual_growth(residuals).slowing() < kLeastSlowing) return false;
+    if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
   }
   return true;
 }
@@ -318,7 +320,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kSmoothGrowth &&
                      result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  if (may_be_far && is_correlated_far(from, for_noise, stop)) {
+  if (repeats > 1) growth = kEndless;  // between repeats it is anything
+  if (may_be_far && is_correlated_far(from, for_noise, growth, stop)) {
     repeats = kMostRepeats;
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
