@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <vector>
 
 #include "estimate/estimate.hpp"
@@ -78,6 +79,44 @@ TEST(CorrelatedNoise, is_averaged_over_wider_neighbourhoods) {
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));
+}
+
+// Each height is the mean of white noise over a box of four spacings about the point, as in a matcher's windows, and a
+// little of its own.
+Points with_noise_of_windows(Points points, double sigma) {
+  constexpr int kReach = 8;  // cells of a quarter of the spacing
+  constexpr double kCell = kSpacing / 4, kHalf = kReach * kCell;
+  shapes::Random random(9);
+  const int side = int((1 + 2 * kHalf) / kCell) + 2;
+  std::vector<double> white(std::size_t(side * side));
+  for (double& w : white) w = random.normal();
+  for (Point& p : points) {
+    const int column = int((p.x + kHalf) / kCell), row = int((p.y + kHalf) / kCell);
+    double sum = 0;
+    for (int i = -kReach; i < kReach; ++i)
+      for (int j = -kReach; j < kReach; ++j) sum += white[std::size_t((row + i) * side + column + j)];
+    p.z += float(sigma * (0.97 * sum / (2 * kReach) + 0.24 * random.normal()));
+  }
+  return points;
+}
+
+// With the 48 nearest points, .85 of it stays.
+TEST(CorrelatedNoise, of_windows_is_averaged_over_many_of_them) {
+  const double sigma = 0.5 * kSpacing;
+  EXPECT_LT(rms_height_after_a_run(with_noise_of_windows(shapes::plane(kPoints), sigma), {}), 0.4 * sigma);
+}
+
+// It is bounded as such noise is. Taken for it, 1.5 times the noise would be left.
+TEST(CorrelatedNoise, a_relief_of_one_wavelength_is_none) {
+  constexpr double kFrequency = 2 * std::numbers::pi / (10 * kSpacing), kHeight = 0.3 * kSpacing,
+                   kNoise = 0.1 * kSpacing;
+  const auto relief = [](Point p) {
+    return kHeight * std::sin(kFrequency * double(p.x)) * std::cos(kFrequency * double(p.y));
+  };
+  Points points = shapes::plane(kPoints);
+  for (Point& p : points) p.z = float(relief(p));
+  const Points fair = Ran(shapes::with_noise(points, kNoise), {}).points;
+  EXPECT_LT(reference::rms(fair, [&](Point p) { return double{p.z} - relief(p); }), 0.8 * kNoise);
 }
 
 }  // namespace

@@ -17,7 +17,7 @@
 #include "estimate/quantile.hpp"
 #include "estimate/reach_levels.hpp"
 #include "estimate/repeats.hpp"
-#include "estimate/share_between.hpp"
+#include "estimate/residual_growth.hpp"
 #include "pointfair/params.hpp"
 #include "portable.hpp"
 
@@ -61,68 +61,6 @@ Spacing spacing_of(const std::vector<point::SpacingSample>& samples) {
   std::nth_element(means.begin(), lonely, means.end());
   means.erase(lonely, means.end());
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
-}
-
-// How residuals grow from neighbourhoods of some points to those of twice as many: hardly where they are noise.
-struct Growth {
-  double flat = 1, typical = 1;  // of the 15 % quantiles and of the medians
-  double first = 0, second = 0;  // of the mean variance in flat places, less one; from there to twice as many again
-};
-
-Growth residual_growth(std::span<const point::ResidualSample> samples) {
-  const auto growth_at = [&](double share, double most) {
-    std::vector<double> from, to;
-    for (const point::ResidualSample& s : samples) {
-      if (s.narrow < 0 || s.wide < 0 || s.narrow > most) continue;
-      from.push_back(s.narrow);
-      to.push_back(s.wide);
-    }
-    if (from.empty()) return 1.0;
-    const double low = quantile(from, share), high = quantile(to, share);
-    return low > 0 ? high / low : high > 0 ? kEndless : 1;
-  };
-  std::vector<double> known;
-  for (const point::ResidualSample& s : samples)
-    if (s.narrow >= 0) known.push_back(s.narrow);
-  if (known.empty()) return {};
-  const double near_flat = kNearFlat * quantile(known, kLeastQuantile);
-  Growth growth{growth_at(kLeastQuantile, kEndless), growth_at(0.5, near_flat)};
-  double variance[3] = {};
-  for (const point::ResidualSample& s : samples) {
-    if (s.narrow < 0 || s.wide < 0 || s.widest < 0) continue;
-    if (s.narrow > near_flat || s.widest > kNearFlat * near_flat) continue;
-    variance[0] += s.narrow * s.narrow;
-    variance[1] += s.wide * s.wide;
-    variance[2] += s.widest * s.widest;
-  }
-  if (variance[0] > 0 && variance[1] > 0) {
-    growth.first = variance[1] / variance[0] - 1;
-    growth.second = variance[2] / variance[1] - 1;
-  }
-  return growth;
-}
-
-// How far the noise is correlated, 0 to 1. With the neighbourhood, residuals of shape grow faster and faster, and those
-// of correlated noise ever less. Those that fall again saw another sheet or row before.
-double correlation(const Growth& growth) {
-  return growth.first > 0 && growth.second > 0 ? share_between(kCorrelatedGrowth, growth.flat) *
-                                                     share_between(kCorrelatedSlowing, growth.second / growth.first)
-                                               : 0;
-}
-
-// Where two sheets are seen by some numbers of points and not by others, residuals grow for that alone.
-std::vector<point::ResidualSample> of_one_sheet(std::span<const point::ResidualSample> samples) {
-  std::vector<point::ResidualSample> result;
-  for (const point::ResidualSample& s : samples)
-    if (!s.sees_sheets) result.push_back(s);
-  return result;
-}
-
-// Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).
-double shape_to_noise(double typical_growth) {
-  const double squared = typical_growth * typical_growth / (kOwnGrowth * kOwnGrowth);
-  if (squared >= kShapeVarianceGrowth) return kEndless;
-  return std::max(0.0, (squared - 1) / (kShapeVarianceGrowth - squared));
 }
 
 // Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
@@ -177,10 +115,9 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
   noise.surface_points = surface_points(samples);
   if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
-    const Growth growth = residual_growth(samples);
-    noise.correlation = std::min(correlation(growth), correlation(residual_growth(of_one_sheet(samples))));
+    noise.correlation = correlation(samples);
     // between two sheets, wide neighbourhoods see the other one and not shape
-    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(growth.typical);
+    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(samples);
   }
   if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
 }
@@ -225,6 +162,25 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
     else
       result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, for_each);
   });
+}
+
+// Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
+// point as much as between neighbours, among which residuals in flat places grow by `growth`, and still between every
+// eighth. Residuals of shape grow more with each scale, those of a relief of one wavelength end with it, and those of
+// other rough surfaces are large against the spacing.
+bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, double growth,
+                       const std::stop_token& stop) {
+  const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
+  for (const int stride : {2, 4, 8}) {
+    const Samples thinned = from.take_thinned_samples({}, some, stride, stop);
+    const Noise noise = noise_of(thinned.noise, false);
+    const std::vector<point::ResidualSample> residuals = thinned.residuals();
+    const Growth there = residual_growth(residuals);
+    const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
+    if (stride < 8 && !(is_small && correlation(residuals) >= kFarCorrelation)) return false;
+    if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
+  }
+  return true;
 }
 
 // The rows of pools, with samples numbered among those that show noise; empty if there are no rows.
@@ -285,9 +241,10 @@ std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels
   return std::make_shared<const NodeLevels>(std::move(scaled));
 }
 
-// The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see.
-void add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
-                  int repeats, const ForEach& for_each) {
+// The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see. Returns how much
+// residuals grow from neighbourhoods of 30 to those of 60 points in flat places.
+double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
+                    int repeats, const ForEach& for_each) {
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   Noise& noise = result.noise;
@@ -310,6 +267,7 @@ void add_noise_of(Estimate& result, const Samples& samples, const CoordinateStep
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));
+  return residual_growth(std::span(residuals).first(std::min(residuals.size(), kNoiseSamples))).flat;
 }
 
 }  // namespace
@@ -336,30 +294,41 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     if (which == 1) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
     if (which == 2) spacing = spacing_of(samples.spacing);
   });
-  if (repeats > 1)
-    samples =
-        from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
+  const auto thinned_samples = [&] {
+    return from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
+  };
+  if (repeats > 1) samples = thinned_samples();
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   cover_rounding(steps, samples.noise);
   Estimate result{spacing, {}};
-  const auto add_noise = [&] { add_noise_of(result, samples, steps, sample, repeats, for_each); };
+  double growth = 1;
+  const auto add_noise = [&] { growth = add_noise_of(result, samples, steps, sample, repeats, for_each); };
   const bool may_hide = repeats == 1 && steps.at.empty();
   const std::vector<Point> rows = may_hide ? rows_of_hidden(nearest, samples.noise) : std::vector<Point>();
-  if (rows.empty()) {
-    add_noise();
-    return result;
-  }
   HiddenSurface hidden;
-  for_each(2, [&](std::size_t which) {  // at the same time, since few clouds hide one
+  for_each(rows.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since few clouds hide one
     if (which == 0)
-      hidden = find_hidden_surface(rows, samples.noise, for_each);
-    else
       add_noise();
+    else
+      hidden = find_hidden_surface(rows, samples.noise, for_each);
   });
-  if (hidden.on_surface.empty()) return result;
-  Estimate of_hidden{spacing, {}};
-  add_hidden_surface(of_hidden, hidden, sample, for_each);
-  return of_hidden;
+  if (!hidden.on_surface.empty()) {
+    Estimate of_hidden{spacing, {}};
+    add_hidden_surface(of_hidden, hidden, sample, for_each);
+    return of_hidden;
+  }
+  const bool grows = growth > kCorrelatedGrowth[0] && growth < kSmoothGrowth &&
+                     result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
+  const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
+  if (repeats > 1) growth = kEndless;  // between repeats it is anything
+  if (may_be_far && is_correlated_far(from, for_noise, growth, stop)) {
+    repeats = kMostRepeats;
+    samples = thinned_samples();
+    cover_rounding(steps, samples.noise);
+    result = {spacing, {}};
+    add_noise();
+  }
+  return result;
 }
 
 }  // namespace pointfair
