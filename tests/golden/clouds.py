@@ -170,6 +170,18 @@ def depth_image(width=48, height=36, seed=11):
     return points
 
 
+def windows(n=8000, window=8, seed=13):
+    """A plane whose noise is the mean over windows of eight cells, four spacings, as of a camera that matches them."""
+    random, cells = Random(seed), int(2 * math.sqrt(n))
+    white = [[random.bell() for _ in range(cells + window)] for _ in range(cells + window)]
+    points = []
+    for _ in range(n):
+        x, y = random(0, cells), random(0, cells)
+        mean = sum(sum(row[int(x):int(x) + window]) for row in white[int(y):int(y) + window]) / window
+        points.append([x, y, mean + 0.25 * random.bell()])
+    return points
+
+
 def grid(n=30, step=1.0):
     return [[step * i, step * j, 0.0] for i in range(n) for j in range(n)]
 
@@ -244,6 +256,7 @@ CLOUDS = {
     "sweep.pcd": lambda: organised(sweep(), 120),
     "profiles.ply": lambda: ply(profiles()),
     "depth_image.pcd": lambda: organised(depth_image(), 48),
+    "windows.ply": lambda: ply(windows()),
     "grid.ply": lambda: ply(grid()),
     "rounded.ply": lambda: ply(rounded(sphere(n=2000), 0.01)),
     "rounded.xyz": lambda: xyz([[float(f"{c:.3f}") for c in p] for p in waves(n=2000, sigma=0.005)]),
