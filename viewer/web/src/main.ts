@@ -12,13 +12,15 @@ import { Legend } from "./legend";
 import { Notes } from "./notes";
 import { Panel } from "./panel";
 import { Pointer } from "./pointer";
-import type { CloudHead, Hello, Message, Recipe, Result } from "./protocol";
+import type { CloudHead, Hello, Message, Recipe, Result, TextureHead } from "./protocol";
 import { fileCamera, insideMask, lassoText, parseBox, parseLasso, simplified } from "./region";
 import { Scene } from "./scene";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
-import { chooseFile } from "./welcome";
+import { decodePictures } from "./textures";
+import { given } from "./transport";
+import { chooseFiles } from "./welcome";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
@@ -27,7 +29,7 @@ const kSeenMotion = 2; // pixels; a typical move that is less does not show
 
 class Page {
   private readonly view: View = defaultView();
-  private readonly stage = new Stage(this.view, (done) => this.viewChanged(done), (file) => void this.upload(file));
+  private readonly stage = new Stage(this.view, (done) => this.viewChanged(done), (files) => void this.upload(files));
   private readonly status = new Status(() => this.connection.cancel());
   private readonly legend = new Legend();
   private readonly notes = new Notes();
@@ -43,7 +45,7 @@ class Page {
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
     measure: () => this.pointer.measure(),
-    open: () => chooseFile((file) => void this.upload(file)),
+    open: () => chooseFiles((files) => void this.upload(files)),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -52,6 +54,7 @@ class Page {
     this.scene,
     this.legend,
     (name) => this.connection.send({ type: "colours", id: this.connection.nextId(), name }),
+    () => this.connection.send({ type: "texture", id: this.connection.nextId() }),
     () => this.connection.send({ type: "noise", id: this.connection.nextId() }),
     () => this.connection.send({ type: "outliers", id: this.connection.nextId() }),
   );
@@ -111,6 +114,8 @@ class Page {
         return void (document.body.dataset.settled = "true");
       case "colours":
         return this.colouring.setColours(head.name, arrays);
+      case "texture":
+        return void this.setTexture(head, arrays);
       case "progress":
         return this.status.showProgress(head.stage, head.share);
       case "saved":
@@ -205,6 +210,17 @@ class Page {
     this.colouring.setMoved(head.moved.rms);
     this.fresh = { kind: "result", serverMs: head.server_ms };
     if (this.isFirstLook) this.showDifference(head.moved.rms);
+  }
+
+  private async setTexture(head: TextureHead, arrays: Message["arrays"]): Promise<void> {
+    const { cloud } = this;
+    const { textures, notes } = await decodePictures(head, arrays, this.scene.mostOfSide);
+    if (cloud !== this.cloud) return textures.forEach((texture) => texture?.dispose()); // another one has come
+    this.scene.setTexture(arrays, textures);
+    this.colouring.setTexture();
+    document.body.dataset.pictures = String(textures.filter((texture) => texture).length);
+    const missing = [...head.notes, ...notes];
+    if (missing.length) this.stage.say(`Faces are drawn without what is missing. ${missing.join(". ")}.`, false, kToastOfNotes);
   }
 
   // The first view shows what the run did: original and result under a wipe, or where that is too little to be seen in the
@@ -331,11 +347,13 @@ class Page {
     this.changeRecipe(recipe, true);
   }
 
-  private async upload(file: File): Promise<void> {
+  private async upload(files: File[]): Promise<void> {
+    const scan = given(files);
+    const { file } = scan;
     if (this.cloud) this.stage.say(`${kIsLocal ? "Reading" : "Sending"} ${file.name}…`);
     else this.stage.welcome.wait(`Reading ${file.name}…`);
     try {
-      await this.connection.open(file);
+      await this.connection.open(scan);
     } catch (error) {
       if (!this.cloud) this.stage.welcome.ask();
       this.stage.say((error as Error).message, true);

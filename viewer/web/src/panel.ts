@@ -96,10 +96,11 @@ export class Panel {
     this.output.value = this.defaultOutput(cloud.name);
     const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
       ["height", "height"], ["normal", "normal"], ["noise", "noise"], ["outliers", "outliers of this run"]];
-    const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
+    const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "scalar" ? `attribute:${name}` : kind, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
     const known = [...this.colour.options].some((option) => option.value === this.view.colour);
-    if (!known) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
+    const first = own.find(([value]) => value === "texture" || value === "rgb");
+    if (!known) this.view.colour = first ? first[0] : "plain";
     this.showFindings();
     this.showView();
   }
