@@ -12,9 +12,6 @@ export interface PanelActions {
   changeView(): void;
   drawLasso(): void;
   lassoInView(): void;
-  keepSnapshot(name: string): void;
-  restoreSnapshot(index: number): void;
-  dropSnapshot(index: number): void;
   save(overwrite: boolean): void;
   copyCommand(): void;
   copyCpp(): void;
@@ -151,10 +148,18 @@ export class Panel {
     if (this.view.up !== "auto") this.up.set(this.view.up);
   }
 
-  showSnapshots(names: string[]): void {
-    this.snapshots.replaceChildren(...names.map((name, i) => h("li", {},
-      h("button", { type: "button", class: "plain", onclick: () => this.actions.restoreSnapshot(i) }, name),
-      h("button", { type: "button", class: "plain", "aria-label": `Delete ${name}`, onclick: () => this.actions.dropSnapshot(i) }, "×"))));
+  /** Those of another cloud. */
+  forgetSnapshots(): void {
+    this.snapshots.replaceChildren();
+  }
+
+  private keepSnapshot(given: string): void {
+    const name = given || `Snapshot ${this.snapshots.children.length + 1}`;
+    const kept = copyRecipe(this.recipe);
+    const row = h("li", {},
+      h("button", { type: "button", class: "plain", onclick: () => this.actions.changeRecipe(copyRecipe(kept), true) }, name),
+      h("button", { type: "button", class: "plain", "aria-label": `Delete ${name}`, onclick: () => row.remove() }, "×"));
+    this.snapshots.append(row);
   }
 
   private section(title: string, open: boolean, ...parts: Node[]): HTMLElement {
@@ -329,7 +334,7 @@ export class Panel {
   private snapshotFields(): Node[] {
     const name = h("input", { class: "text", placeholder: "name", "aria-label": "Name of the snapshot" });
     const keep = () => {
-      this.actions.keepSnapshot(name.value.trim());
+      this.keepSnapshot(name.value.trim());
       name.value = "";
     };
     name.addEventListener("keydown", (event) => {
