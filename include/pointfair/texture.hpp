@@ -47,7 +47,8 @@ using ReadNamed = std::function<std::string(const std::string& name)>;
 /// coordinates there are no pictures. O(1) in the points and faces, but the first time for an OBJ file O(its text).
 POINTFAIR_EXPORT Texture texture(const Cloud& cloud, const ReadNamed& read);
 
-/// Where the pictures of `texture(cloud, ...)` lie. Throws ErrorKind::file where polygons(cloud) does. O(corners).
+/// Where the pictures of `texture(cloud, ...)` lie. Throws ErrorKind::file where polygons(cloud) does, or
+/// attribute() for texture coordinates of points. O(corners).
 POINTFAIR_EXPORT TextureMap texture_map(const Cloud& cloud, const Texture& texture);
 
 }  // namespace pointfair

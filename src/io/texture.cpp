@@ -129,7 +129,7 @@ Texture texture(const Cloud& cloud, const ReadNamed& read) {
 
 TextureMap texture_map(const Cloud& cloud, const Texture& texture) {
   if (!cloud.source) return {};
-  const std::vector<float> of_points = coordinates_of_points(cloud);
+  const std::vector<float> of_points = texture.pictures.empty() ? std::vector<float>{} : coordinates_of_points(cloud);
   MapCollector collector(texture, cloud.source->materials().v_down, of_points);
   cloud.source->visit_faces(collector);
   return std::move(collector).finish();

@@ -88,7 +88,8 @@ inline void require_same_values(const Cloud& cloud) {
   for (std::size_t n = 0; sound && n < names.size(); ++n) require(each[n].data == all[n].data);
 }
 
-/// Asks for pictures, with the file itself as the library of its materials. False: the faces are damaged.
+/// Asks for pictures, with the file itself as the library of its materials. False: the faces are damaged, or the
+/// texture coordinates of the points.
 inline bool has_texture_map(const Cloud& cloud, const std::vector<std::byte>& bytes) {
   return accepted([&] {
     const Texture pictures = texture(cloud, [&](const std::string&) {
@@ -112,7 +113,7 @@ inline int run(const std::vector<std::byte>& bytes, Format format, bool same_byt
   require_same_values(cloud);
   const bool has_faces = accepted([&] { polygons(cloud); });
   require(accepted([&] { triangles(cloud); }) == has_faces);
-  require(has_texture_map(cloud, bytes) == has_faces);
+  require(!has_texture_map(cloud, bytes) || has_faces);
   file_info(cloud);
   normal_attributes(cloud);
   if (same_bytes) {
