@@ -13,6 +13,7 @@
 #include "drawn_faces.hpp"
 #include "pointfair/file_info.hpp"
 #include "quantise.hpp"
+#include "texture_message.hpp"
 
 namespace pointfair::viewer {
 namespace {
@@ -57,23 +58,26 @@ Document::Document(Session::Options options, Session::Send send)
       shading_(options_.make_pipeline),
       preview_(options_.make_pipeline) {}
 
-void Document::open(Cloud cloud, const std::string& name, std::string path) {
+void Document::open(Cloud cloud, const std::string& name, std::string path, Companions companions) {
   check_not_geographic(cloud);
   check_size(cloud, name, options_.most_points);
   has_cloud_ = false;
   preview_.reset();
   if (!pipeline_) pipeline_.emplace(options_.make_pipeline());
   cloud_ = std::move(cloud);
+  companions_ = std::move(companions);
   const std::size_t count = cloud_.points.size();
   pipeline_->load(cloud_);
+  const Polygons faces = polygons(cloud_);
   facts_ = {.name = name,
             .path = std::move(path),
             .estimates = pipeline_->estimates(),
             .colours = colour_choices(cloud_),
-            .faces = polygons(cloud_).size(),
+            .faces = faces.size(),
             .shown = std::min<std::size_t>(count, options_.point_budget)};
   facts_.step = displacement_step(facts_.estimates.spacing, facts_.estimates.diagonal);
   facts_.settles = count <= kMaxShaded;
+  find_texture(faces);
   place_sensor();
   result_ = pipeline_->host_buffer(count);
   normals_ = pipeline_->host_buffer(count);
@@ -92,6 +96,15 @@ void Document::open(Cloud cloud, const std::string& name, std::string path) {
   } else {
     shading_.reset();
   }
+}
+
+// Offers the pictures of the faces, where the page draws faces.
+void Document::find_texture(const Polygons& faces) {
+  texture_ = {};
+  if (!are_drawn(faces, cloud_.points.size(), facts_.shown)) return;
+  texture_ = texture(cloud_, [this](const std::string& name) { return companions_.read(name); });
+  if (texture_.pictures.empty() && texture_.notes.empty()) return;
+  facts_.colours.insert(facts_.colours.begin(), Json{{"name", "texture"}, {"kind", "texture"}});
 }
 
 void Document::greet() {
@@ -286,6 +299,10 @@ void Document::send_colours(const Json& id, const std::string& name) {
   } else {
     send_(pack(head, {make_array("scalar", scalars(cloud_, name, order_, facts_.shown))}));
   }
+}
+
+void Document::send_texture(const Json& id) {
+  if (has_cloud_) send_(texture_message(id, cloud_, texture_, companions_, order_, facts_.shown));
 }
 
 void Document::send_noise(const Json& id, std::stop_token stop) {

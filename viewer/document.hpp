@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "answers.hpp"
+#include "companions.hpp"
 #include "expectation.hpp"
 #include "order.hpp"
 #include "preview.hpp"
@@ -24,8 +25,8 @@ class Document {
  public:
   Document(Session::Options options, Session::Send send);
 
-  /// Replaces the cloud. `path` is empty for one that came through the page.
-  void open(Cloud cloud, const std::string& name, std::string path);
+  /// Replaces the cloud. `path` is empty for one that came through the page. `companions`: files that it names.
+  void open(Cloud cloud, const std::string& name, std::string path, Companions companions);
 
   /// Tells a page that has just come what it needs to begin.
   void greet();
@@ -41,6 +42,9 @@ class Document {
   void save(const Request& request, bool overwrite, std::stop_token stop);
 
   void send_colours(const Json& id, const std::string& name);
+
+  /// Sends the pictures that the faces have, where they lie, and a line for each that cannot be had.
+  void send_texture(const Json& id);
 
   /// Sends the noise at each point, as it was estimated of the cloud as loaded.
   void send_noise(const Json& id, std::stop_token stop);
@@ -58,6 +62,7 @@ class Document {
   void send_part(const Request& request, const Preview::Result& part);
   void show_result(const Request& request, const std::stop_token& stop);
   bool takes_motion_normals(const Report& report);
+  void find_texture(const Polygons& faces);
   void send_cloud();
   void write_file(const Request& request, const WriteOptions& write_options, std::stop_token stop);
   void update_movable(const Limits& limits);
@@ -76,6 +81,8 @@ class Document {
   Cloud cloud_;
   CloudFacts facts_;
   std::vector<std::string> notes_;  // on the places of its sensor
+  Companions companions_;
+  Texture texture_;  // of the faces that the page draws
   Order order_;
   std::optional<Pipeline> pipeline_;
   Shading shading_;

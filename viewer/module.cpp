@@ -54,15 +54,18 @@ __attribute__((export_name("allocate"))) void* allocate(std::size_t size) { retu
 /// A page is there.
 __attribute__((export_name("greet"))) void greet() { refuse_if(!session().greet()); }
 
-/// The bytes of a file, and its name.
-__attribute__((export_name("open"))) void open_file(char* bytes, std::size_t size, char* name, std::size_t name_size) {
+/// The bytes of a file, and its name. `is_named`: it is one that the mesh names which comes next.
+__attribute__((export_name("open"))) void open_file(char* bytes, std::size_t size, char* name, std::size_t name_size,
+                                                    int is_named) {
   const Given held(name, std::free);
   std::string text(name, name_size), content;
   {
     const Given file(bytes, std::free);
     content.assign(bytes, size);
   }
-  refuse_if(!session().open(std::move(content), std::move(text)));
+  const bool taken = is_named != 0 ? session().hold(std::move(content), std::move(text))
+                                   : session().open(std::move(content), std::move(text));
+  refuse_if(!taken);
 }
 
 /// A message of the page.

@@ -278,7 +278,10 @@ net::awaitable<Response> Server::take_upload(beast::tcp_stream& stream, beast::f
   co_await http::async_read(stream, buffer, body, net::redirect_error(net::use_awaitable, error));
   if (error == http::error::body_limit) co_return too_large;
   if (error) co_return text_response(http::status::bad_request, "the file did not arrive completely; send it again");
-  if (!session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name))
+  const bool is_companion = query_value(view(body.get().target()), "named") == "1";
+  const bool taken = is_companion ? session_.hold(std::move(body.get().body()), name)
+                                  : session_.open(std::move(body.get().body()), name.empty() ? "cloud" : name);
+  if (!taken)
     co_return text_response(http::status::service_unavailable, "pointfair is busy; send the file again later");
   co_return text_response(http::status::accepted, "reading");
 }

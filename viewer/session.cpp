@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <span>
+#include <utility>
 
 #include "document.hpp"
 #include "request.hpp"
@@ -15,6 +16,7 @@ using Clock = std::chrono::steady_clock;
 // The document is touched by the worker only, which ends before it.
 struct Session::Parts {
   Document document;
+  Companions coming;  // of the cloud that the page sends next; touched by the worker only
   Worker worker;
 
   Parts(const Options& options, Send send)
@@ -24,9 +26,9 @@ struct Session::Parts {
                 [this](const Json& id, std::string_view words) { document.send_error(id, words); }},
                options.own_thread ? Worker::Turns::own_thread : Worker::Turns::of_caller) {}
 
-  void open(Cloud cloud, const std::string& name, std::string path) {
+  void open(Cloud cloud, const std::string& name, std::string path, Companions companions) {
     worker.forget_rest();
-    document.open(std::move(cloud), name, std::move(path));
+    document.open(std::move(cloud), name, std::move(path), std::move(companions));
   }
 
   bool refuse(const Json& id, std::string words) {
@@ -50,6 +52,8 @@ bool Session::Parts::take(const Json& message, Clock::time_point received) {
   } else if (type == "colours") {
     return worker.post(
         [this, id, name = string_in(message, "name")](std::stop_token) { document.send_colours(id, name); });
+  } else if (type == "texture") {
+    return worker.post([this, id](std::stop_token) { document.send_texture(id); });
   } else if (type == "noise") {
     return worker.post([this, id](std::stop_token stop) { document.send_noise(id, stop); });
   } else if (type == "outliers") {
@@ -70,16 +74,23 @@ void Session::open(Cloud cloud, const std::filesystem::path& path) {
   const auto shared = std::make_shared<Cloud>(std::move(cloud));
   (void)parts_->worker.post([parts = parts_.get(), shared, path](std::stop_token) {
     parts->open(std::move(*shared), path.filename().string(),
-                std::filesystem::absolute(path).lexically_normal().string());
+                std::filesystem::absolute(path).lexically_normal().string(), Companions::in_folder_of(path));
   });
 }
 
 bool Session::open(std::string bytes, std::string name) {
   const auto shared = std::make_shared<std::string>(std::move(bytes));
   return parts_->worker.post([parts = parts_.get(), shared, name](std::stop_token) {
-    parts->open(read(std::as_bytes(std::span(*shared)), name), name, "");
+    Companions companions = std::exchange(parts->coming, {});  // gone, too, where the cloud cannot be read
+    parts->open(read(std::as_bytes(std::span(*shared)), name), name, "", std::move(companions));
     parts->document.greet();
   });
+}
+
+bool Session::hold(std::string bytes, std::string name) {
+  const auto shared = std::make_shared<std::string>(std::move(bytes));
+  return parts_->worker.post(
+      [parts = parts_.get(), shared, name](std::stop_token) { parts->coming.hold(std::move(*shared), name); });
 }
 
 bool Session::greet() {

@@ -44,11 +44,15 @@ class Session {
   /// Takes a cloud that was read from `path`, before there is a page.
   void open(Cloud cloud, const std::filesystem::path& path);
 
-  // The next three return whether the session takes the task. One that is taken is done and answered; false means that
+  // The next four return whether the session takes the task. One that is taken is done and answered; false means that
   // too many wait already, and that nothing was done.
 
   /// Reads a cloud from the bytes of a file called `name` and shows it; an error is sent to the page.
   [[nodiscard]] bool open(std::string bytes, std::string name);
+
+  /// Holds a file that the mesh names which is opened next, a library of materials or a picture. Where it is too large,
+  /// an error is sent to the page.
+  [[nodiscard]] bool hold(std::string bytes, std::string name);
 
   /// A new page is there: sends it what it needs to begin.
   [[nodiscard]] bool greet();

@@ -19,6 +19,7 @@
 #include "pointfair/report.hpp"
 #include "pointfair/run_notes.hpp"
 #include "pointfair/selection.hpp"
+#include "pointfair/texture.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "pointfair/version.hpp"
 #include "pointfair/viewpoint.hpp"

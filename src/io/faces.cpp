@@ -10,8 +10,9 @@ void visit(const Faces& faces, FaceVisitor& visitor) {
   const std::span<const std::uint32_t> corners = faces.corners;
   const std::span<const float> texture = faces.texture;
   std::size_t begin = 0;
-  for (const std::uint64_t face_end : faces.ends) {
-    const auto end = static_cast<std::size_t>(face_end);
+  for (std::size_t face = 0; face < faces.ends.size(); ++face) {
+    const auto end = static_cast<std::size_t>(faces.ends[face]);
+    if (!faces.materials.empty()) visitor.use(faces.materials[face]);
     visitor.take(corners.subspan(begin, end - begin),
                  texture.empty() ? texture : texture.subspan(2 * begin, 2 * (end - begin)));
     begin = end;

@@ -15,10 +15,14 @@ namespace pointfair {
 struct Faces {
   std::vector<std::uint64_t> ends;
   std::vector<std::uint32_t> corners;
-  std::vector<float> texture;  ///< two for each corner, or none at all
+  std::vector<float> texture;            ///< two for each corner, or none at all
+  std::vector<std::uint32_t> materials;  ///< one for each face as FaceVisitor::use() says it, or none at all
 };
 
 namespace io {
+
+/// The material of faces that have none.
+inline constexpr std::uint32_t kNoMaterial = ~std::uint32_t{0};
 
 /// How many faces a file has, as far as it is known before they are read.
 struct ExpectedFaces {
@@ -40,6 +44,9 @@ class FaceVisitor {
   bool with_texture() const { return with_texture_; }
   /// Is called before the first face.
   virtual void expect(const ExpectedFaces&) {}
+  /// The faces that follow have this one of the materials that the file names, or kNoMaterial, as those before the
+  /// first call.
+  virtual void use(std::uint32_t) {}
   /// `texture`: two for each corner, or none.
   virtual void take(std::span<const std::uint32_t> corners, std::span<const float> texture) = 0;
 

@@ -28,6 +28,8 @@ class ObjSource : public TextSource {
     visit_obj_faces(text(), parts(), visitor);
   }
 
+  Materials materials() const override { return parts().materials; }
+
   FaceSummary face_summary() const override {
     if (!parts().damage.empty()) fail(name(), parts().damage);
     return {parts().faces.faces, parts().textured};

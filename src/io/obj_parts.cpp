@@ -26,6 +26,13 @@ std::array<float, kCount> numbers(std::string_view words) {
   return result;
 }
 
+// What follows a keyword: a name, which may have blanks.
+std::string_view rest_of(std::string_view words) {
+  while (!words.empty() && is_blank(words.front())) words.remove_prefix(1);
+  while (!words.empty() && is_blank(words.back())) words.remove_suffix(1);
+  return words;
+}
+
 // Collects all but the faces.
 class PartsReader {
  public:
@@ -39,6 +46,7 @@ class PartsReader {
       if (kind == ObjLine::other) take_other(words);
     });
     parts_.normals = normals_.size();
+    if (so_far_.textures == 0) parts_.materials = {};
     if (parts_.damage.empty()) {
       give_normals();
       tell_texture();
@@ -69,6 +77,11 @@ class PartsReader {
     next_word(words, key);
     parts_.can_lose_points = parts_.can_lose_points && !names_points_otherwise(key, words);
     if (key == "usemtl" || key == "mtllib") {
+      const std::string name(rest_of(words));
+      if (key == "mtllib")
+        parts_.materials.libraries.push_back(name);
+      else if (known_.emplace(name, known_.size()).second)
+        parts_.materials.all.push_back({name});
       std::string_view material;
       if (next_word(words, material)) ++materials_[std::string(material)];
     } else if (key == "g" || key == "o" || key == "s") {
@@ -149,6 +162,7 @@ class PartsReader {
   std::vector<ObjNormals::Normal> normals_;
   std::vector<std::uint32_t> of_points_;
   std::map<std::string, std::uint64_t> materials_;
+  std::map<std::string, std::size_t> known_;  // of parts_.materials
 };
 
 // Faces may stand before the texture coordinates that they name.
@@ -171,24 +185,29 @@ ObjParts read_obj_parts(const ObjText& text) {
 void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& visitor) {
   if (parts.faces.faces == 0) return;
   std::vector<std::array<float, 2>> textures;
-  if (parts.textured && visitor.with_texture()) textures = textures_of(text);
+  if (visitor.with_texture()) textures = textures_of(text);
+  std::map<std::string_view, std::uint32_t> materials;
+  for (std::uint32_t m = 0; const Material& material : parts.materials.all) materials.emplace(material.name, m++);
   visitor.expect(parts.faces);
   LinesSoFar so_far;
   std::vector<std::uint32_t> face;
   std::vector<float> texture;
   for_each_line(text, [&](ObjLine kind, std::string_view words, std::string_view) {
     so_far.take(kind);
+    std::string_view key;
+    if (kind == ObjLine::other && !materials.empty() && next_word(words, key) && key == "usemtl")
+      visitor.use(materials.at(rest_of(words)));
     if (kind != ObjLine::face) return;
     face.clear();
     texture.clear();
     Corners corners(words, so_far, text.points);
     for (Corner corner; corners.next(corner);) {
       face.push_back(static_cast<std::uint32_t>(corner.point));
-      if (!textures.empty()) {
-        const auto& at = textures[static_cast<std::size_t>(corner.texture)];
-        texture.insert(texture.end(), at.begin(), at.end());
-      }
+      if (corner.texture < 0 || static_cast<std::size_t>(corner.texture) >= textures.size()) continue;
+      const auto& at = textures[static_cast<std::size_t>(corner.texture)];
+      texture.insert(texture.end(), at.begin(), at.end());
     }
+    if (texture.size() != 2 * face.size()) texture.clear();
     visitor.take(face, texture);
   });
 }

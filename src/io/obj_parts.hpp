@@ -11,6 +11,7 @@
 
 #include "io/contents.hpp"
 #include "io/faces.hpp"
+#include "io/materials.hpp"
 #include "io/text_rows.hpp"
 
 namespace pointfair::io {
@@ -47,6 +48,7 @@ struct ObjParts {
   bool own_normals = false;       ///< there is one for each point, in the same order, and corners name that one
   bool can_lose_points = true;    ///< nothing but faces, lines and points names points
   std::vector<Content> contents;  ///< all but faces and normals
+  Materials materials;            ///< none without texture coordinates
 };
 
 /// The lines of an OBJ file.

@@ -26,6 +26,7 @@ class PlacedSource final : public Source {
   void visit_faces(FaceVisitor& visitor) const override {
     if (file_) file_->visit_faces(visitor);
   }
+  Materials materials() const override { return file_ ? file_->materials() : Materials{}; }
   FaceSummary face_summary() const override { return file_ ? file_->face_summary() : FaceSummary{}; }
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   bool holds_its_positions() const override;

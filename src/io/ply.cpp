@@ -90,6 +90,17 @@ class PlySource : public Base {
     });
   }
 
+  Materials materials() const override {
+    const std::optional<FaceList> faces = find_faces(file_);
+    Materials result;
+    if (!faces) return result;
+    if (std::ranges::none_of(file_.header.elements[faces->element].properties, is_texture) &&
+        texture_columns(Base::columns()).empty())
+      return result;
+    for (const std::string& image : file_.header.textures) result.all.push_back({{}, image});
+    return result;
+  }
+
   std::vector<Content> contents() const override {
     std::vector<Content> result = Base::contents();
     const PlyHeader& header = file_.header;

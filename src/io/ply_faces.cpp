@@ -20,6 +20,8 @@ std::optional<FaceList> find_faces(const PlyFile& file) {
 
 bool is_texture(const PlyProperty& property) { return property.list_count && property.name == "texcoord"; }
 
+bool is_image_number(const PlyProperty& property) { return !property.list_count && property.name == "texnumber"; }
+
 namespace {
 
 // The corners or the texture coordinates of one face.
@@ -45,6 +47,8 @@ void visit_faces(const PlyFile& file, std::string_view bytes, const std::string&
   visitor.expect({face->count, left / (file.header.encoding == Encoding::ascii ? 2 : 1), false});
   std::vector<std::uint32_t> corners;
   std::vector<float> texture;
+  const std::size_t images = file.header.textures.size();
+  if (images > 0) visitor.use(0);
   for (std::uint64_t row = 0; row < face->count; ++row) {
     cursor.begin_row();
     texture.clear();
@@ -59,6 +63,10 @@ void visit_faces(const PlyFile& file, std::string_view bytes, const std::string&
         });
       } else if (is_texture(property) && visitor.with_texture()) {
         read_list(cursor, property, texture, [&] { return static_cast<float>(cursor.next(property.type)); });
+      } else if (is_image_number(property) && images > 0) {
+        const double image = cursor.next(property.type);
+        visitor.use(image >= 0 && image < static_cast<double>(images) ? static_cast<std::uint32_t>(image)
+                                                                      : kNoMaterial);
       } else {
         cursor.skip(property);
       }

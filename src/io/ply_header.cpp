@@ -77,7 +77,7 @@ class HeaderParser {
   void comment(const std::vector<std::string_view>& words) {
     if (words.size() == 1) return;
     if (words.size() > 2 && words[1] == "TextureFile") {
-      header_.textures.emplace_back(words[2]);
+      header_.textures.emplace_back(words[2].data(), words.back().data() + words.back().size());  // may have blanks
     } else {
       ++header_.comments;
     }

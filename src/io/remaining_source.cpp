@@ -118,6 +118,7 @@ class RemainingFaces final : public FaceVisitor {
       : FaceVisitor(to.with_texture()), now_(now), to_(to) {}
 
   void expect(const ExpectedFaces& expected) override { to_.expect({expected.faces, expected.corners, false}); }
+  void use(std::uint32_t material) override { to_.use(material); }
   void take(std::span<const std::uint32_t> corners, std::span<const float> texture) override {
     remaining_.clear();
     for (const std::uint32_t corner : corners) {

@@ -23,6 +23,7 @@ class RemainingSource final : public Source {
   std::vector<Column> columns() const override { return columns_; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void visit_faces(FaceVisitor& visitor) const override;
+  Materials materials() const override { return file_->materials(); }
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
   bool holds_its_positions() const override { return file_->leaves_points_out(); }
   void check_las_scale(double scale) const override { file_->check_las_scale(scale); }

@@ -15,6 +15,7 @@
 #include "io/edits.hpp"
 #include "io/faces.hpp"
 #include "io/file_bytes.hpp"
+#include "io/materials.hpp"
 #include "io/origin_sample.hpp"
 #include "io/output.hpp"
 #include "io/scalar.hpp"
@@ -94,6 +95,8 @@ class Source {
   virtual void extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const;
   /// Gives all faces to the visitor, in their order.
   virtual void visit_faces(io::FaceVisitor&) const {}
+  /// The materials of the faces, where a picture goes with the texture coordinates that the file has.
+  virtual io::Materials materials() const { return {}; }
   /// Throws Error(file) where visit_faces() does.
   virtual io::FaceSummary face_summary() const;
   /// All of them in memory, with texture coordinates.

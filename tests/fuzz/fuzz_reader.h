@@ -13,6 +13,7 @@
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/normals.hpp"
+#include "pointfair/texture.hpp"
 
 namespace pointfair::fuzz {
 
@@ -87,6 +88,21 @@ inline void require_same_values(const Cloud& cloud) {
   for (std::size_t n = 0; sound && n < names.size(); ++n) require(each[n].data == all[n].data);
 }
 
+/// Asks for pictures, with the file itself as the library of its materials. False: the faces are damaged, or the
+/// texture coordinates of the points.
+inline bool has_texture_map(const Cloud& cloud, const std::vector<std::byte>& bytes) {
+  return accepted([&] {
+    const Texture pictures = texture(cloud, [&](const std::string&) {
+      return std::string(reinterpret_cast<const char*>(bytes.data()), bytes.size());
+    });
+    const TextureMap map = texture_map(cloud, pictures);
+    const Polygons faces = polygons(cloud);
+    require(map.pictures.size() == faces.size() && map.coordinates.size() == 2 * faces.corners.size());
+    for (const std::uint32_t picture : map.pictures)
+      require(picture == kNoPicture || picture < pictures.pictures.size());
+  });
+}
+
 /// `same_bytes`: an unchanged cloud must be written as the bytes that it was read from; else as the same points, where
 /// its points can be written at all.
 inline int run(const std::vector<std::byte>& bytes, Format format, bool same_bytes = true) {
@@ -97,6 +113,7 @@ inline int run(const std::vector<std::byte>& bytes, Format format, bool same_byt
   require_same_values(cloud);
   const bool has_faces = accepted([&] { polygons(cloud); });
   require(accepted([&] { triangles(cloud); }) == has_faces);
+  require(!has_texture_map(cloud, bytes) || has_faces);
   file_info(cloud);
   normal_attributes(cloud);
   if (same_bytes) {
@@ -117,6 +134,7 @@ inline int run_read_only(const std::uint8_t* data, std::size_t size, Format form
   Cloud cloud;
   if (!accepted([&] { cloud = read_as({begin, begin + size}, format); })) return 0;
   require(!cloud.points.empty());
+  has_texture_map(cloud, {begin, begin + size});
   accepted([&] { write_bytes(cloud, Format::ply); });
   return 0;
 }

@@ -177,7 +177,9 @@ test("faces are fans of triangles, edges are there once, and seams have one norm
   const { triangles, edges, welded, vertexNormals } = await pageModule(t, "faces");
   const positions = Float32Array.from([0, 0, 0, 1, 0, 0, 1, 1, 0, 0, 1, 0, 1, 0, 0, NaN, 0, 0, 2, 0, 0]);
   const faces = { ends: Uint32Array.of(4, 7, 10), corners: Uint32Array.of(0, 1, 2, 3, 4, 6, 2, 0, 5, 1) };
-  const indices = triangles(faces, positions);
+  const { indices } = triangles(faces, positions);
+  const grouped = triangles(faces, positions, 3, (face) => [2, 0, 1][face]);
+  assert.deepEqual([[...grouped.indices], [...grouped.ends]], [[4, 6, 2, 0, 1, 2, 0, 2, 3], [3, 3, 9]], "one group after the other");
   assert.deepEqual([...indices], [0, 1, 2, 0, 2, 3, 4, 6, 2]); // none with a corner that has no place
   assert.equal(edges({ ends: faces.ends.subarray(0, 1), corners: faces.corners }, positions).length, 8, "a quad has no diagonal");
   const vertex = welded(positions);
@@ -185,4 +187,24 @@ test("faces are fans of triangles, edges are there once, and seams have one norm
   const normals = vertexNormals(indices, vertex, positions);
   assert.deepEqual([...normals.subarray(4, 8)], [0, 0, 32767, 0]);
   assert.deepEqual(normals.subarray(4, 8), normals.subarray(16, 20));
+});
+
+test("a vertex is a point with one place in a picture, and there is each once", async (t) => {
+  const { pictureVertices } = await pageModule(t, "faces");
+  const count = 20;
+  let state = 1;
+  const random = (n) => (state = (state * 48271) % 2147483647) % n;
+  const corners = Uint32Array.from({ length: 500 }, () => random(count - 1)); // the last point has no face
+  const coordinates = Float32Array.from({ length: 1000 }, () => random(3) / 4);
+  const { corners: vertices, twins, coordinates: placed } = pictureVertices(corners, coordinates, count);
+  const key = (point, at, i) => `${point} ${at[2 * i]} ${at[2 * i + 1]}`;
+  const wanted = new Set([...corners].map((point, corner) => key(point, coordinates, corner)));
+  assert.ok(wanted.size > 100);
+  vertices.forEach((vertex, corner) => {
+    const point = vertex < count ? vertex : twins[vertex - count];
+    assert.equal(key(point, placed, vertex), key(corners[corner], coordinates, corner));
+  });
+  assert.equal(new Set(vertices).size, wanted.size);
+  assert.equal(twins.length, wanted.size - new Set(corners).size);
+  assert.equal(pictureVertices(corners, new Float32Array(1000), count).twins.length, 0, "without a seam there are none");
 });

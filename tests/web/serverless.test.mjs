@@ -7,6 +7,7 @@ import http from "node:http";
 import path from "node:path";
 import test from "node:test";
 import { gzipSync } from "node:zlib";
+import { parts, quadrants, texturedSheet } from "./textured.mjs";
 import { dataset, entry, openBrowser, openPage, run, settled, temporaryFolder } from "./program.mjs";
 
 const kPage = process.env.POINTFAIR_SERVERLESS;
@@ -36,13 +37,9 @@ async function open(t) {
   return { ...opened, server };
 }
 
-/** Drops a file onto the page, and waits until it has its result. */
-async function drop(page, file, comes = true) {
-  const data = await page.evaluateHandle(([bytes, name]) => {
-    const transfer = new DataTransfer();
-    transfer.items.add(new File([Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0))], name));
-    return transfer;
-  }, [readFileSync(file).toString("base64"), path.basename(file)]);
+/** Drops a file onto the page, with others that it names, and waits until it has its result. */
+async function drop(page, file, comes = true, named = []) {
+  const data = await page.evaluateHandle(parts, [...named, file].map((one) => [path.basename(one), readFileSync(one).toString("base64")]));
   await page.dispatchEvent("body", "drop", { dataTransfer: data });
   if (!comes) return;
   await page.waitForFunction((name) => document.body.dataset.cloud === name, path.basename(file));
@@ -143,6 +140,27 @@ test("a slider that is pulled shows previews and ends with the whole result", bu
   await page.mouse.up();
   await settled(page);
   assert.equal(await dataset(page, "error"), undefined);
+  assert.deepEqual(faults, []);
+});
+
+test("a mesh has its texture where the files that it names are dropped with it, and keeps it over runs", built, async (t) => {
+  const folder = temporaryFolder(t);
+  const file = texturedSheet(folder);
+  const { page, faults } = await open(t);
+  await page.evaluate(() => (location.hash = "#cloud=sheet.obj&view.mode=before&view.shade=0&view.edl=0&view.camera=0,0,2.6,0,0,0&view.up=y"));
+  const assertColours = async () => {
+    const shares = await quadrants(page);
+    for (const [quarter, share] of Object.entries(shares)) assert.ok(share > 0.995, `${quarter} ${JSON.stringify(shares)}`);
+  };
+  await drop(page, file, true, ["picture.png", "sheet.mtl"].map((name) => path.join(folder, name)));
+  await page.waitForFunction(() => document.body.dataset.pictures === "1");
+  await assertColours();
+  await entry(page, "iterations").fill("30");
+  await page.keyboard.press("Enter");
+  await settled(page);
+  await assertColours();
+  await drop(page, file);
+  await page.locator(".toast", { hasText: "sheet.mtl: is not here; open it together with the mesh that names it." }).waitFor();
   assert.deepEqual(faults, []);
 });
 

@@ -13,6 +13,7 @@ namespace pointfair::io::gltf {
 namespace {
 
 constexpr bool kSwap = std::endian::native == std::endian::big;
+constexpr std::string_view kData = "data:";  // begins a URI that is the data
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
 
 std::uint32_t number_at(std::string_view bytes, std::size_t place) {
@@ -133,19 +134,23 @@ void Document::read_container(std::string_view bytes) {
   json_ = Json::parse(text.begin(), text.end(), nullptr, false);
 }
 
+// The bytes of a data URI, of which `what` has one.
+std::string Document::data_of(std::string_view uri, const std::string& what) const {
+  constexpr std::string_view kBase64 = ";base64,";
+  const std::size_t begin = uri.find(kBase64);
+  auto decoded = begin == std::string::npos ? std::nullopt : from_base64(uri.substr(begin + kBase64.size()));
+  if (!decoded) damaged(what + " is no base64");
+  return std::move(*decoded);
+}
+
 void Document::read_buffers() {
-  constexpr std::string_view kData = "data:", kBase64 = ";base64,";
   for (const Json& buffer : json_.value("buffers", Json::array())) {
     std::string_view bytes = binary_;
     if (const auto uri = buffer.find("uri"); uri != buffer.end()) {
       const auto& text = uri->get_ref<const std::string&>();
-      const std::size_t begin = text.find(kBase64);
       if (text.starts_with(kData)) {
-        const auto decoded = begin == std::string::npos
-                                 ? std::nullopt
-                                 : from_base64(std::string_view(text).substr(begin + kBase64.size()));
-        if (!decoded) damaged("a buffer is no base64");
-        files_.push_back(FileBytes::copy(std::as_bytes(std::span(*decoded))));
+        const std::string decoded = data_of(text, "a buffer");
+        files_.push_back(FileBytes::copy(std::as_bytes(std::span(decoded))));
       } else {
         const std::filesystem::path path = platform::path_of(without_escapes(text));
         if (path.is_absolute() || text.find("://") != std::string::npos)
@@ -180,19 +185,35 @@ Values Document::values(const Json& accessor_index) const {
   result.type = type_of(size_member(accessor, "componentType"));
   result.normalized = accessor.value("normalized", false);
   const Json& view = element("bufferViews", accessor.at("bufferView"));
+  const std::string_view bytes = view_bytes(view);
+  const std::size_t size = result.components * size_of(result.type), offset = size_member(accessor, "byteOffset");
+  result.stride = size_member(view, "byteStride", size);
+  const bool has_room = offset <= bytes.size() && result.stride >= size && result.stride <= 65536 &&
+                        result.count <= bytes.size() &&
+                        (result.count == 0 || (result.count - 1) * result.stride + size <= bytes.size() - offset);
+  if (!has_room) damaged("an accessor reaches beyond its buffer");
+  result.bytes = bytes.substr(offset);
+  return result;
+}
+
+// The part of a buffer.
+std::string_view Document::view_bytes(const Json& view) const {
   const std::size_t buffer_index = size_member(view, "buffer");
   if (buffer_index >= buffers_.size()) damaged("there is no such buffer");
-  const std::size_t size = result.components * size_of(result.type);
   const std::size_t begin = size_member(view, "byteOffset"), length = size_member(view, "byteLength");
-  const std::size_t offset = size_member(accessor, "byteOffset");
-  result.stride = size_member(view, "byteStride", size);
   const std::string_view bytes = buffers_[buffer_index];
-  const bool has_room = begin <= bytes.size() && length <= bytes.size() - begin && offset <= length &&
-                        result.stride >= size && result.stride <= 65536 && result.count <= length &&
-                        (result.count == 0 || (result.count - 1) * result.stride + size <= length - offset);
-  if (!has_room) damaged("an accessor reaches beyond its buffer");
-  result.bytes = bytes.substr(begin + offset, length - offset);
-  return result;
+  if (begin > bytes.size() || length > bytes.size() - begin) damaged("a view reaches beyond its buffer");
+  return bytes.substr(begin, length);
+}
+
+std::pair<std::string, std::shared_ptr<const std::string>> Document::image(const Json& index) const {
+  const Json& image = element("images", index);
+  const std::string number = "image " + std::to_string(index.get<std::size_t>());
+  if (const auto view = image.find("bufferView"); view != image.end())
+    return {number, std::make_shared<std::string>(view_bytes(element("bufferViews", *view)))};
+  const auto& uri = image.at("uri").get_ref<const std::string&>();
+  if (!uri.starts_with(kData)) return {without_escapes(uri), nullptr};
+  return {number, std::make_shared<std::string>(data_of(uri, number))};
 }
 
 }  // namespace pointfair::io::gltf

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "io/file_bytes.hpp"
@@ -38,11 +40,14 @@ class Document {
   /// The element of an array of the document. Throws Error(file) if there is none.
   const Json& element(const char* array, const Json& index) const;
   Values values(const Json& accessor_index) const;
+  /// The image at an index: its bytes where a buffer or a data URI has them, else null; and what it is called.
+  std::pair<std::string, std::shared_ptr<const std::string>> image(const Json& index) const;
 
  private:
   void read_container(std::string_view bytes);
   void read_buffers();
-  std::string_view buffer(const Json& index) const;
+  std::string data_of(std::string_view uri, const std::string& what) const;
+  std::string_view view_bytes(const Json& view) const;
   [[noreturn]] void damaged(const std::string& what) const;
 
   FileBytes bytes_;

@@ -10,6 +10,7 @@
 #include "io/formats.hpp"
 #include "io/gltf/contents.hpp"
 #include "io/gltf/document.hpp"
+#include "io/gltf/materials.hpp"
 #include "io/held_source.hpp"
 
 namespace pointfair::io {
@@ -90,8 +91,10 @@ struct Wanted {
   const char* attribute;
   std::vector<const char*> names;
 };
-const std::array<Wanted, 3> kWanted = {
-    {{"NORMAL", {"nx", "ny", "nz"}}, {"TEXCOORD_0", {"s", "t"}}, {"COLOR_0", {"red", "green", "blue", "alpha"}}}};
+constexpr const char* kTextureCoordinates = "TEXCOORD_0";
+const std::array<Wanted, 3> kWanted = {{{"NORMAL", {"nx", "ny", "nz"}},
+                                        {kTextureCoordinates, {"s", "t"}},
+                                        {"COLOR_0", {"red", "green", "blue", "alpha"}}}};
 
 class Scene {
  public:
@@ -150,8 +153,17 @@ class Scene {
       const Values positions = document_.values(attributes.at("POSITION"));
       if (positions.components != 3) throw std::out_of_range("POSITION");
       if (is_new) add_points(attributes, positions, transform);
+      const bool is_textured = attributes.contains(kTextureCoordinates);
       add_faces(primitive, place->second, positions.count);
+      table_.faces.materials.resize(table_.faces.ends.size(), is_textured ? material_of(primitive) : kNoMaterial);
     }
+  }
+
+  static std::uint32_t material_of(const Json& primitive) {
+    const auto found = primitive.find("material");
+    const bool is_index = found != primitive.end() && found->is_number_unsigned();
+    return is_index ? static_cast<std::uint32_t>(std::min<std::size_t>(found->get<std::size_t>(), kNoMaterial))
+                    : kNoMaterial;
   }
 
   void add_points(const Json& attributes, const Values& positions, const Transform& transform) {
@@ -240,11 +252,15 @@ class Scene {
 
 class GltfSource final : public HeldSource {
  public:
-  GltfSource(std::string name, Table table, std::vector<Content> contents)
-      : HeldSource(std::move(name), Format::glb, Encoding::binary, std::move(table)), contents_(std::move(contents)) {}
+  GltfSource(std::string name, Table table, Materials materials, std::vector<Content> contents)
+      : HeldSource(std::move(name), Format::glb, Encoding::binary, std::move(table)),
+        materials_(std::move(materials)),
+        contents_(std::move(contents)) {}
+  Materials materials() const override { return materials_; }
   std::vector<Content> contents() const override { return contents_; }
 
  private:
+  Materials materials_;
   std::vector<Content> contents_;
 };
 
@@ -256,7 +272,9 @@ std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name) {
   try {
     gltf::Scene scene(document);
     Table table = scene.read();
-    return std::make_shared<gltf::GltfSource>(name, std::move(table),
+    Materials materials;
+    if (table.find("s")) materials = gltf::materials_of(document);
+    return std::make_shared<gltf::GltfSource>(name, std::move(table), std::move(materials),
                                               gltf::further_contents(document.json(), scene.visited()));
   } catch (const gltf::Json::exception&) {
     fail(name, "this glTF file is damaged: its JSON is not that of glTF; export it again");

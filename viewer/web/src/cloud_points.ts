@@ -8,6 +8,7 @@ import * as THREE from "three";
 import type { Attribute } from "./motion";
 import type { Polygons } from "./faces";
 import type { Numbers } from "./protocol";
+import { put } from "./put";
 import { Surface } from "./surface";
 
 const kShared = { position: 3, normal_before: 2, normal_after: 2, rgb: 4, scalar: 1, inside: 1 }; // by cloud and part
@@ -75,16 +76,4 @@ export class CloudPoints {
     });
     put(this.part.geometry, name, picked, itemSize, normalized);
   }
-}
-
-function put(geometry: THREE.BufferGeometry, name: string, array: Numbers, size: number, normalized: boolean): THREE.BufferAttribute {
-  const old = geometry.getAttribute(name) as THREE.BufferAttribute | undefined;
-  if (old && old.array.length === array.length && old.array.constructor === array.constructor) {
-    old.array = array;
-    old.needsUpdate = true;
-    return old;
-  }
-  const fresh = new THREE.BufferAttribute(array, size, normalized);
-  geometry.setAttribute(name, fresh);
-  return fresh;
 }

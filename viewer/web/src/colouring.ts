@@ -23,11 +23,12 @@ export class Colouring {
   private scalar: Float32Array = new Float32Array(); // of the attribute that is here, or the noise
   private timer = 0;
 
-  /** `askColours` sends for colours of the file, `askNoise` for the noise at each point, `askOutliers` for the reasons of the last run's. */
+  /** `askColours` sends for colours of the file, `askTexture` for the pictures of its faces, `askNoise` for the noise at each point, `askOutliers` for the reasons of the last run's. */
   constructor(
     private readonly scene: Scene,
     private readonly legend: Legend,
     private readonly askColours: (name: string) => void,
+    private readonly askTexture: () => void,
     private readonly askNoise: () => void,
     private readonly askOutliers: () => void,
   ) {}
@@ -59,6 +60,12 @@ export class Colouring {
     if (this.choice === choice) this.apply(choice);
   }
 
+  /** The pictures of the faces have come, as far as there are some. */
+  setTexture(): void {
+    this.has.texture = "here";
+    if (this.choice === "texture") this.apply("texture");
+  }
+
   apply(choice: string): void {
     this.choice = choice;
     clearTimeout(this.timer);
@@ -66,7 +73,7 @@ export class Colouring {
     if (choice === "displacement") return this.showDisplacement(this.cloud);
     if (choice === "height") return this.show("height", "sequential", this.spread((place) => this.scene.height(place)), "height", true);
     if (choice === "rms") return this.showRmsSoon(this.cloud);
-    if (choice === "rgb" || choice === "noise" || choice === "outliers" || choice.startsWith(kPrefix)) return this.showSent(choice);
+    if (choice === "texture" || choice === "rgb" || choice === "noise" || choice === "outliers" || choice.startsWith(kPrefix)) return this.showSent(choice);
     this.legend.hide();
     this.scene.setColourMode(choice === "normal" ? "normal" : "plain", [0, 1], "sequential");
   }
@@ -108,15 +115,16 @@ export class Colouring {
       const kinds = this.kindsIn(choice);
       if (kinds) return this.showKinds(kinds, name);
       const isNoise = choice === "noise";
-      if (choice !== "rgb")
+      if (choice !== "rgb" && choice !== "texture")
         return this.show("scalar", "sequential", this.spread((place) => this.scalar[place], isNoise ? "level" : "any"), name, isNoise);
       this.legend.hide();
-      return this.scene.setColourMode("rgb", [0, 1], "sequential");
+      return this.scene.setColourMode(choice, [0, 1], "sequential");
     }
     this.legend.hide();
     if (this.has[choice]) return;
     this.has[choice] = "asked";
-    if (choice === "noise") this.askNoise();
+    if (choice === "texture") this.askTexture();
+    else if (choice === "noise") this.askNoise();
     else if (choice === "outliers") this.askOutliers();
     else this.askColours(choice === "rgb" ? "rgb" : name);
   }
@@ -127,7 +135,7 @@ export class Colouring {
 
   // The scene has room for one.
   private forgetScalar(): void {
-    for (const other of Object.keys(this.has)) if (other !== "rgb") delete this.has[other];
+    for (const other of Object.keys(this.has)) if (other !== "rgb" && other !== "texture") delete this.has[other];
   }
 
   private spread(value: (place: number) => number, kind: Kind = "any"): Spread {
@@ -155,7 +163,7 @@ export class Colouring {
     const metres = this.cloud?.metres_per_unit ?? null;
     if (this.choice === "displacement") return `displacement ${lengthInWords(this.scene.signedDisplacement(place), metres)}`;
     if (this.choice === "height") return `height ${lengthInWords(this.scene.height(place), metres)}`;
-    if (this.has[this.choice] !== "here" || this.choice === "rgb") return "";
+    if (this.has[this.choice] !== "here" || this.choice === "rgb" || this.choice === "texture") return "";
     const value = this.scalar[place];
     if (this.choice === "noise") return `noise ${lengthInWords(value, metres)}`;
     const name = this.choice === "outliers" ? "outlier" : this.choice.slice(kPrefix.length);

@@ -5,7 +5,7 @@
 import { decode, type Message, type Recipe, type Request } from "./protocol";
 import { LocalSession } from "./local_session";
 import { Server } from "./server";
-import type { Listener, Transport } from "./transport";
+import type { Given, Listener, Transport } from "./transport";
 
 /** Whether files, runs and results stay in this browser: the build decides (vite.config.js). */
 export const kIsLocal = import.meta.env.MODE === "serverless";
@@ -72,9 +72,9 @@ export class Connection {
     this.transport.cancel(JSON.stringify({ type: "cancel", id: this.nextId() } satisfies Request));
   }
 
-  /** Gives a file to the session, which answers with its cloud or an error. Throws with why it cannot be given. */
-  open(file: File): Promise<void> {
-    return this.transport.open(file);
+  /** Gives a scan to the session, which answers with its cloud or an error. Throws with why it cannot be given. */
+  open(scan: Given): Promise<void> {
+    return this.transport.open(scan);
   }
 
   private take(message: Message): void {

@@ -13,30 +13,70 @@ export interface Polygons {
 const isFinite3 = (positions: Float32Array, place: number) =>
   Number.isFinite(positions[3 * place] + positions[3 * place + 1] + positions[3 * place + 2]);
 
-/** Calls `use` with the first and last corner of each face that has a place for all corners. */
-function eachFace({ ends, corners }: Polygons, positions: Float32Array, use: (first: number, end: number) => void): void {
+/** Calls `use` with the first and last corner of each face that has a place for all corners, and with its number. */
+function eachFace({ ends, corners }: Polygons, positions: Float32Array, use: (first: number, end: number, face: number) => void): void {
   let first = 0;
-  for (const end of ends) {
+  ends.forEach((end, face) => {
     let whole = true;
     for (let c = first; c < end; ++c) whole &&= isFinite3(positions, corners[c]);
-    if (whole) use(first, end);
+    if (whole) use(first, end, face);
     first = end;
-  }
+  });
 }
 
-/** Polygons as fans; three places a triangle. */
-export function triangles(faces: Polygons, positions: Float32Array): Uint32Array {
+/** Polygons as fans; three corners a triangle. Those of a group follow each other: group g has [ends[g - 1], ends[g]). */
+export function triangles(faces: Polygons, positions: Float32Array, groups = 1, groupOf: (face: number) => number = () => 0):
+    { indices: Uint32Array; ends: Uint32Array } {
   const { corners } = faces;
-  const result = new Uint32Array(3 * corners.length);
-  let at = 0;
-  eachFace(faces, positions, (first, end) => {
+  const next = new Uint32Array(groups + 1); // where the next corner of each group goes, once those before are counted
+  eachFace(faces, positions, (first, end, face) => (next[groupOf(face) + 1] += 3 * Math.max(0, end - first - 2)));
+  for (let g = 0; g < groups; ++g) next[g + 1] += next[g];
+  const indices = new Uint32Array(next[groups]);
+  eachFace(faces, positions, (first, end, face) => {
+    const g = groupOf(face);
     for (let c = first + 1; c + 1 < end; ++c) {
-      result[at++] = corners[first];
-      result[at++] = corners[c];
-      result[at++] = corners[c + 1];
+      indices[next[g]++] = corners[first];
+      indices[next[g]++] = corners[c];
+      indices[next[g]++] = corners[c + 1];
     }
   });
-  return result.slice(0, at);
+  return { indices, ends: next.subarray(0, groups) };
+}
+
+/** Vertices that have one place in a picture each: first the places, then twins of those that lie on a seam. */
+export interface PictureVertices {
+  corners: Uint32Array; // of the faces
+  twins: Uint32Array; // of which place each one is
+  coordinates: Float32Array; // two a vertex
+}
+
+/** `coordinates`: two for each corner of faces over `count` places. O(corners). */
+export function pictureVertices(corners: Uint32Array, coordinates: Float32Array, count: number): PictureVertices {
+  const twins: number[] = [];
+  const its: number[] = []; // corners that say where each twin lies
+  const first = new Int32Array(count).fill(-1); // the corner that says where a place lies
+  const next = new Map<number, number>(); // the further twin of a vertex
+  const same = (a: number, b: number) => coordinates[2 * a] === coordinates[2 * b] && coordinates[2 * a + 1] === coordinates[2 * b + 1];
+  const vertices = corners.map((place, corner) => {
+    if (first[place] < 0) first[place] = corner;
+    let vertex = place;
+    while (!same(vertex < count ? first[vertex] : its[vertex - count], corner)) {
+      const further = next.get(vertex);
+      if (further === undefined) {
+        next.set(vertex, count + twins.length);
+        twins.push(place);
+        its.push(corner);
+        return count + twins.length - 1;
+      }
+      vertex = further;
+    }
+    return vertex;
+  });
+  const placed = new Float32Array(2 * (count + twins.length));
+  const put = (vertex: number, corner: number) => placed.set(coordinates.subarray(2 * corner, 2 * corner + 2), 2 * vertex);
+  first.forEach((corner, place) => corner >= 0 && put(place, corner));
+  its.forEach((corner, twin) => put(count + twin, corner));
+  return { corners: vertices, twins: Uint32Array.from(twins), coordinates: placed };
 }
 
 /** Each edge once; two places an edge. */

@@ -3,7 +3,7 @@
 // what must not wait for it ends the worker; a new one reads the file again, unseen.
 
 import { decode } from "./protocol";
-import type { Listener, Transport } from "./transport";
+import type { Given, Listener, Transport } from "./transport";
 
 const kMostBytes = 1 << 30; // of a file; addresses have 32 bits, and there are copies
 
@@ -12,7 +12,7 @@ export type Order =
   | { module: WebAssembly.Module }
   | { greet: true }
   | { text: string }
-  | { file: ArrayBuffer; name: string };
+  | { file: ArrayBuffer; name: string; named: boolean }; // by the scan that comes next
 
 /** What the worker tells its page; anything else is a message of the session. */
 export type Notice = { busy: boolean } | { failed: string };
@@ -34,8 +34,8 @@ export class LocalSession implements Transport {
   private worker: Worker | null = null;
   private busy = false; // an order is on its way, or a step
   private unseen = false; // until the cloud is read again
-  private shown: File | null = null; // the cloud that the page has
-  private coming: File | null = null;
+  private shown: Given | null = null; // the cloud that the page has
+  private coming: Given | null = null;
 
   constructor(private readonly listener: Listener) {
     void this.load();
@@ -50,13 +50,14 @@ export class LocalSession implements Transport {
     else this.send(text);
   }
 
-  async open(file: File): Promise<void> {
+  async open(scan: Given): Promise<void> {
+    const { file } = scan;
     if (file.size > kMostBytes)
       throw new Error(`${file.name} is larger than 1 GiB, which this page cannot hold: install pointfair, whose viewer and program can`);
     if (!this.module) throw new Error("pointfair is still loading; try again");
     if (this.busy) await this.restart();
-    await this.read(file);
-    this.coming = file;
+    await this.read(scan);
+    this.coming = scan;
   }
 
   private async load(): Promise<void> {
@@ -93,14 +94,19 @@ export class LocalSession implements Transport {
     await this.read(this.shown);
   }
 
-  private async read(file: File): Promise<void> {
+  private async read({ file, named }: Given): Promise<void> {
+    for (const one of named) await this.give(one, true);
+    await this.give(file, false);
+  }
+
+  private async give(file: File, named: boolean): Promise<void> {
     let bytes: ArrayBuffer;
     try {
       bytes = await file.arrayBuffer();
     } catch {
       throw new Error(`${file.name} cannot be read; was it changed or removed?`);
     }
-    this.order({ file: bytes, name: file.name }, [bytes]);
+    this.order({ file: bytes, name: file.name, named }, [bytes]);
   }
 
   private order(order: Order, moved: Transferable[] = []): void {

@@ -4,7 +4,7 @@
 import "./style.css";
 import { Colouring } from "./colouring";
 import { Connection, kIsLocal } from "./connection";
-import { grouped, h } from "./dom";
+import { grouped } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
 import { listenToKeys } from "./keys";
@@ -12,13 +12,17 @@ import { Legend } from "./legend";
 import { Notes } from "./notes";
 import { Panel } from "./panel";
 import { Pointer } from "./pointer";
-import type { CloudHead, Hello, Message, Recipe, Result } from "./protocol";
-import { fileCamera, insideMask, lassoText, parseBox, parseLasso, simplified } from "./region";
+import type { CloudHead, Hello, Message, Recipe, Result, TextureHead } from "./protocol";
+import { simplified } from "./region";
 import { Scene } from "./scene";
+import { ShownLimits } from "./shown_limits";
 import { Stage } from "./stage";
 import { copyRecipe, defaultView, equalRecipes, History, type Mode, readFragment, type View, writeFragment } from "./state";
 import { Status } from "./status";
-import { chooseFile } from "./welcome";
+import { Takeaway } from "./takeaway";
+import { decodePictures } from "./textures";
+import { given } from "./transport";
+import { chooseFiles } from "./welcome";
 
 const kUrlDelay = 250;
 const kProtocol = 1;
@@ -27,7 +31,7 @@ const kSeenMotion = 2; // pixels; a typical move that is less does not show
 
 class Page {
   private readonly view: View = defaultView();
-  private readonly stage = new Stage(this.view, (done) => this.viewChanged(done), (file) => void this.upload(file));
+  private readonly stage = new Stage(this.view, (done) => this.viewChanged(done), (files) => void this.upload(files));
   private readonly status = new Status(() => this.connection.cancel());
   private readonly legend = new Legend();
   private readonly notes = new Notes();
@@ -37,13 +41,13 @@ class Page {
     undo: () => this.restore(this.history.undo()),
     redo: () => this.restore(this.history.redo()),
     fit: () => this.scene.fit(),
-    screenshot: () => void this.screenshot(),
+    screenshot: () => void this.takeaway.screenshot(this.cloud?.name ?? "cloud"),
     help: () => this.help.showModal(),
     hold: (original: boolean) => this.hold(original),
     nudge: (turn: [number, number], move: [number, number], zoom: number) => this.scene.nudge(turn, move, zoom),
     drawLasso: () => void this.drawLasso(),
     measure: () => this.pointer.measure(),
-    open: () => chooseFile((file) => void this.upload(file)),
+    open: () => chooseFiles((files) => void this.upload(files)),
     togglePanel: () => this.header.togglePanel(),
   };
   private readonly header = new Header(this.actions);
@@ -52,9 +56,12 @@ class Page {
     this.scene,
     this.legend,
     (name) => this.connection.send({ type: "colours", id: this.connection.nextId(), name }),
+    () => this.connection.send({ type: "texture", id: this.connection.nextId() }),
     () => this.connection.send({ type: "noise", id: this.connection.nextId() }),
     () => this.connection.send({ type: "outliers", id: this.connection.nextId() }),
   );
+  private readonly takeaway = new Takeaway(this.scene, this.stage, this.legend);
+  private readonly limits = new ShownLimits(this.scene);
   private readonly pointer = new Pointer(this.scene, this.stage, this.colouring);
   private readonly connection: Connection;
   private panel: Panel | null = null;
@@ -63,7 +70,6 @@ class Page {
   private defaults: Recipe = { params: {}, limits: {} };
   private recipe: Recipe = { params: {}, limits: {} };
   private history = new History(this.recipe);
-  private snapshots: { name: string; recipe: Recipe }[] = [];
   private result: Result | null = null; // that is shown; null: the original is
   private held = false; // a key shows the original
   private isFirstLook = false; // nobody has said how the next result is shown
@@ -71,7 +77,6 @@ class Page {
   private asked: Recipe = this.recipe;
   private focus: number[] | undefined;
   private urlTimer = 0;
-  private shownLimits = "";
   private fresh: { kind: string; serverMs: number } | null = null; // displacements that the next frame shows first
 
   constructor() {
@@ -81,7 +86,7 @@ class Page {
     this.scene.onCamera = () => {
       this.focus = undefined;
       this.writeUrl();
-      if (this.view.colour === "displacement") this.colour();
+      if (this.view.colour === "displacement") this.colouring.apply(this.view.colour);
     };
     this.scene.onShown = () => this.shown();
     this.scene.onStill = (still) => (document.body.dataset.still = String(still));
@@ -111,11 +116,13 @@ class Page {
         return void (document.body.dataset.settled = "true");
       case "colours":
         return this.colouring.setColours(head.name, arrays);
+      case "texture":
+        return void this.setTexture(head, arrays);
       case "progress":
         return this.status.showProgress(head.stage, head.share);
       case "saved":
         this.status.hideProgress();
-        if (arrays.file) this.download(new Blob([arrays.file as Uint8Array<ArrayBuffer>]), head.path);
+        if (arrays.file) this.takeaway.download(new Blob([arrays.file as Uint8Array<ArrayBuffer>]), head.path);
         document.body.dataset.saved = head.path;
         return this.stage.say([`Saved ${head.path}, ${grouped(head.bytes)} bytes`, ...head.notes].join(". Note: "), false,
           head.notes.length ? kToastOfNotes : undefined);
@@ -149,16 +156,10 @@ class Page {
       changeView: () => this.viewChanged(true),
       drawLasso: () => void this.drawLasso(),
       lassoInView: () => this.setLasso([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
-      keepSnapshot: (name) => this.keepSnapshot(name),
-      restoreSnapshot: (index) => this.changeRecipe(copyRecipe(this.snapshots[index].recipe), true),
-      dropSnapshot: (index) => {
-        this.snapshots.splice(index, 1);
-        this.showSnapshots();
-      },
       save: (overwrite) => this.save(overwrite),
-      copyCommand: () => void this.copy(this.result?.command, "The command"),
-      copyCpp: () => void this.copy(this.result?.cpp, "The program"),
-      copyLink: () => void this.copy(location.href, "The link"),
+      copyCommand: () => this.copyOfResult(this.result?.command, "The command"),
+      copyCpp: () => this.copyOfResult(this.result?.cpp, "The program"),
+      copyLink: () => void this.takeaway.copy(location.href, "The link"),
     });
     document.body.append(this.panel.element);
     this.status.setDevice(hello.device);
@@ -172,12 +173,11 @@ class Page {
       this.isFirstLook = !hasLook;
       this.recipe = recipe;
       this.history = new History(recipe);
-      this.snapshots = [];
-      this.showSnapshots();
+      this.panel!.forgetSnapshots();
     }
     this.cloud = head;
     this.result = this.shownRecipe = null;
-    this.shownLimits = "";
+    this.limits.forget();
     this.focus = undefined;
     this.scene.setCloud(head, arrays);
     this.colouring.setCloud(head);
@@ -205,6 +205,17 @@ class Page {
     this.colouring.setMoved(head.moved.rms);
     this.fresh = { kind: "result", serverMs: head.server_ms };
     if (this.isFirstLook) this.showDifference(head.moved.rms);
+  }
+
+  private async setTexture(head: TextureHead, arrays: Message["arrays"]): Promise<void> {
+    const { cloud } = this;
+    const { textures, notes } = await decodePictures(head, arrays, this.scene.mostOfSide);
+    if (cloud !== this.cloud) return textures.forEach((texture) => texture?.dispose()); // another one has come
+    this.scene.setTexture(arrays, textures);
+    this.colouring.setTexture();
+    document.body.dataset.pictures = String(textures.filter((texture) => texture).length);
+    const missing = [...head.notes, ...notes];
+    if (missing.length) this.stage.say(`Faces are drawn without what is missing. ${missing.join(". ")}.`, false, kToastOfNotes);
   }
 
   // The first view shows what the run did: original and result under a wipe, or where that is too little to be seen in the
@@ -266,7 +277,7 @@ class Page {
   private showRecipe(): void {
     this.panel?.show(this.recipe);
     this.header.setHistory(this.history.canUndo, this.history.canRedo);
-    this.showLimits();
+    if (this.cloud) this.limits.show(this.recipe.limits, this.cloud);
     this.writeUrl();
   }
 
@@ -285,37 +296,16 @@ class Page {
     this.ask();
   }
 
-  private keepSnapshot(name: string): void {
-    this.snapshots.push({ name: name || `Snapshot ${this.snapshots.length + 1}`, recipe: copyRecipe(this.recipe) });
-    this.showSnapshots();
-  }
-  private showSnapshots(): void {
-    this.panel?.showSnapshots(this.snapshots.map(({ name }) => name));
-  }
-
   private save(overwrite: boolean): void {
     this.connection.send({ type: "save", id: this.connection.nextId(), ...this.recipe,
       output: this.panel!.outputName, encoding: this.panel!.encodingName, overwrite });
     this.status.showProgress("saving", 0);
   }
 
-  private async copy(text: string | undefined, what: string): Promise<void> {
-    if (!text || (what !== "The link" && !(this.shownRecipe && equalRecipes(this.shownRecipe, this.recipe))))
-      return this.stage.say("The run has not finished yet.", true);
-    try {
-      await navigator.clipboard.writeText(text);
-      this.stage.say(`${what} is on the clipboard.`);
-    } catch {
-      this.showText(what, text); // a page that is not on loopback has no clipboard
-    }
-  }
-
-  private showText(title: string, text: string): void {
-    const area = h("textarea", { class: "text", readOnly: true, value: text, rows: 12 });
-    const dialog = h("dialog", { onclose: () => dialog.remove() }, h("h2", {}, title), area);
-    document.body.append(dialog);
-    dialog.showModal();
-    area.select();
+  // What belongs to a result that is not there yet says something else.
+  private copyOfResult(text: string | undefined, what: string): void {
+    if (text && this.shownRecipe && equalRecipes(this.shownRecipe, this.recipe)) void this.takeaway.copy(text, what);
+    else this.stage.say("The run has not finished yet.", true);
   }
 
   private async drawLasso(): Promise<void> {
@@ -325,45 +315,22 @@ class Page {
 
   private setLasso(polygon: [number, number][]): void {
     if (polygon.length < 3) return;
-    const { elements, origin } = this.scene.fileMatrix;
     const recipe = copyRecipe(this.recipe);
-    recipe.limits.lasso = lassoText({ camera: fileCamera(elements, origin), polygon });
+    recipe.limits.lasso = this.limits.lassoOf(polygon);
     this.changeRecipe(recipe, true);
   }
 
-  private async upload(file: File): Promise<void> {
+  private async upload(files: File[]): Promise<void> {
+    const scan = given(files);
+    const { file } = scan;
     if (this.cloud) this.stage.say(`${kIsLocal ? "Reading" : "Sending"} ${file.name}…`);
     else this.stage.welcome.wait(`Reading ${file.name}…`);
     try {
-      await this.connection.open(file);
+      await this.connection.open(scan);
     } catch (error) {
       if (!this.cloud) this.stage.welcome.ask();
       this.stage.say((error as Error).message, true);
     }
-  }
-
-  private async screenshot(): Promise<void> {
-    const picture = await this.withLegend(await this.scene.screenshot());
-    const name = (this.cloud?.name ?? "cloud").replace(/\.[^.]*$/, "");
-    this.download(picture, `${name}.png`);
-  }
-
-  private download(file: Blob, name: string): void {
-    const url = URL.createObjectURL(file);
-    h("a", { href: url, download: name }).click();
-    setTimeout(() => URL.revokeObjectURL(url), 10000);
-  }
-
-  // The picture, with the legend and what the sides are.
-  private async withLegend(picture: Blob): Promise<Blob> {
-    const image = await createImageBitmap(picture);
-    const canvas = h("canvas", { width: image.width, height: image.height });
-    const context = canvas.getContext("2d")!;
-    const scale = image.width / this.scene.canvas.clientWidth;
-    context.drawImage(image, 0, 0);
-    this.legend.drawOnto(context, image.height, scale);
-    this.stage.drawTagsOnto(context, image.width, scale);
-    return new Promise((resolve) => canvas.toBlob((blob) => resolve(blob ?? picture), "image/png"));
   }
 
   // What is seen.
@@ -377,9 +344,9 @@ class Page {
   private viewChanged(done: boolean): void {
     this.showSide();
     this.panel?.showView();
-    this.showLimits();
+    if (this.cloud) this.limits.show(this.recipe.limits, this.cloud);
     this.scene.applyView();
-    this.colour();
+    this.colouring.apply(this.view.colour);
     if (!done) return;
     this.isFirstLook = false;
     this.writeUrl();
@@ -397,19 +364,6 @@ class Page {
     this.stage.showView(original);
     this.header.setResult(this.result !== null);
     this.notes.show(this.result?.notes ?? []);
-  }
-
-  private showLimits(): void {
-    const key = `${this.recipe.limits.box}|${this.recipe.limits.lasso}`;
-    if (!this.cloud || key === this.shownLimits) return;
-    this.shownLimits = key;
-    const [box, lasso] = [parseBox(this.recipe.limits.box ?? ""), parseLasso(this.recipe.limits.lasso ?? "")];
-    this.scene.setBox(box);
-    this.scene.setInside(box || lasso ? insideMask(this.scene.allPositions, this.cloud.origin, box, lasso) : null);
-  }
-
-  private colour(): void {
-    this.colouring.apply(this.view.colour);
   }
 
   // The URL.

@@ -25,14 +25,15 @@ export function pointMaterial(): THREE.RawShaderMaterial {
   });
 }
 
-/** Of faces, or with LINES of their edges. It has the uniforms of the points. */
-export function faceMaterial({ uniforms }: THREE.RawShaderMaterial, defines: Record<string, string>): THREE.RawShaderMaterial {
+/** Of faces, with the picture that lies on them if there is one, or with LINES of their edges. It has the uniforms of the points. */
+export function faceMaterial({ uniforms }: THREE.RawShaderMaterial, defines: Record<string, string>, picture?: THREE.Texture):
+    THREE.RawShaderMaterial {
   return new THREE.RawShaderMaterial({
     glslVersion: THREE.GLSL3,
     vertexShader: pointVertex,
     fragmentShader: faceFragment,
-    defines: { FACES: "", ...defines },
-    uniforms,
+    defines: { FACES: "", ...(picture ? { PICTURE: "" } : {}), ...defines },
+    uniforms: picture ? { ...uniforms, uPicture: { value: picture } } : uniforms, // the same objects
     side: THREE.DoubleSide,
     polygonOffset: !("LINES" in defines), // edges lie in front
     polygonOffsetFactor: 1,

@@ -9,7 +9,7 @@ interface Module {
   _initialize(): void;
   allocate(size: number): number;
   greet(): void;
-  open(bytes: number, size: number, name: number, nameSize: number): void;
+  open(bytes: number, size: number, name: number, nameSize: number, named: number): void;
   receive(text: number, size: number): void;
   step(): number;
 }
@@ -71,7 +71,7 @@ function obey(order: Order): void {
   } else if ("greet" in order) {
     module.greet();
   } else if ("file" in order) {
-    module.open(...given(new Uint8Array(order.file)), ...given(new TextEncoder().encode(order.name)));
+    module.open(...given(new Uint8Array(order.file)), ...given(new TextEncoder().encode(order.name)), Number(order.named));
   } else {
     module.receive(...given(new TextEncoder().encode(order.text)));
   }

@@ -12,9 +12,6 @@ export interface PanelActions {
   changeView(): void;
   drawLasso(): void;
   lassoInView(): void;
-  keepSnapshot(name: string): void;
-  restoreSnapshot(index: number): void;
-  dropSnapshot(index: number): void;
   save(overwrite: boolean): void;
   copyCommand(): void;
   copyCpp(): void;
@@ -96,10 +93,11 @@ export class Panel {
     this.output.value = this.defaultOutput(cloud.name);
     const computed: [string, string][] = [["plain", "plain"], ["displacement", "displacement"], ["rms", "rms displacement nearby"],
       ["height", "height"], ["normal", "normal"], ["noise", "noise"], ["outliers", "outliers of this run"]];
-    const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "rgb" ? "rgb" : `attribute:${name}`, name]);
+    const own = cloud.colours.map(({ name, kind }): [string, string] => [kind === "scalar" ? `attribute:${name}` : kind, name]);
     this.colour.replaceChildren(...[...computed, ...own].map(([value, text]) => h("option", { value }, text)));
     const known = [...this.colour.options].some((option) => option.value === this.view.colour);
-    if (!known) this.view.colour = own[0]?.[0] === "rgb" ? "rgb" : "plain";
+    const first = own.find(([value]) => value === "texture" || value === "rgb");
+    if (!known) this.view.colour = first ? first[0] : "plain";
     this.showFindings();
     this.showView();
   }
@@ -150,10 +148,18 @@ export class Panel {
     if (this.view.up !== "auto") this.up.set(this.view.up);
   }
 
-  showSnapshots(names: string[]): void {
-    this.snapshots.replaceChildren(...names.map((name, i) => h("li", {},
-      h("button", { type: "button", class: "plain", onclick: () => this.actions.restoreSnapshot(i) }, name),
-      h("button", { type: "button", class: "plain", "aria-label": `Delete ${name}`, onclick: () => this.actions.dropSnapshot(i) }, "×"))));
+  /** Those of another cloud. */
+  forgetSnapshots(): void {
+    this.snapshots.replaceChildren();
+  }
+
+  private keepSnapshot(given: string): void {
+    const name = given || `Snapshot ${this.snapshots.children.length + 1}`;
+    const kept = copyRecipe(this.recipe);
+    const row = h("li", {},
+      h("button", { type: "button", class: "plain", onclick: () => this.actions.changeRecipe(copyRecipe(kept), true) }, name),
+      h("button", { type: "button", class: "plain", "aria-label": `Delete ${name}`, onclick: () => row.remove() }, "×"));
+    this.snapshots.append(row);
   }
 
   private section(title: string, open: boolean, ...parts: Node[]): HTMLElement {
@@ -328,7 +334,7 @@ export class Panel {
   private snapshotFields(): Node[] {
     const name = h("input", { class: "text", placeholder: "name", "aria-label": "Name of the snapshot" });
     const keep = () => {
-      this.actions.keepSnapshot(name.value.trim());
+      this.keepSnapshot(name.value.trim());
       name.value = "";
     };
     name.addEventListener("keydown", (event) => {

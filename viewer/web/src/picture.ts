@@ -128,6 +128,11 @@ export class Picture {
     uniforms.uMap.value.needsUpdate = true;
   }
 
+  /** Pixels that a side of a picture on faces may have. */
+  get mostOfSide(): number {
+    return this.renderer.capabilities.maxTextureSize;
+  }
+
   /** Begins an image. */
   clear(): void {
     this.aim(0, 0, this.target.width, this.target.height);
@@ -222,7 +227,7 @@ export class Picture {
     const kind = surface.hasOwnMotion ? kMotion.far : motion.kind;
     uniforms.uSmooth.value = shot.draw === "smooth";
     uniforms.uTone.value = shot.draw === "wireframe" ? kToneUnderEdges : 1;
-    surface.fill.material.uniformsNeedUpdate = surface.lines.material.uniformsNeedUpdate = true;
+    surface.refresh();
     this.drawScene(this.fillScene, eye, after, kind, motion.step, shot.pointSize);
     if (shot.draw === "wireframe") this.drawScene(this.edgeScene, eye, after, kind, motion.step, shot.pointSize);
   }

@@ -87,7 +87,7 @@ export interface CloudHead {
   noise: number;
   step: number;
   metres_per_unit: number | null; // null: the file does not say
-  colours: { name: string; kind: "rgb" | "scalar" }[];
+  colours: { name: string; kind: "texture" | "rgb" | "scalar" }[];
   faces: number; // of the file; those that are drawn come with the head
   settles: boolean;
 }
@@ -124,6 +124,14 @@ export interface Preview {
   points: number;
 }
 
+/** The pictures of the faces, each with an array "picture0" and so on; "coordinates" of the corners and "face_pictures" say where they lie. */
+export interface TextureHead {
+  type: "texture";
+  id: number;
+  pictures: { name: string; type: string }[];
+  notes: string[]; // why others are not there
+}
+
 export type Head =
   | Hello
   | CloudHead
@@ -131,6 +139,7 @@ export type Head =
   | Preview
   | { type: "settled" }
   | { type: "colours"; id: number; name: string }
+  | TextureHead
   | { type: "progress"; id: number; share: number; stage: string }
   | { type: "saved"; id: number; path: string; bytes: number; notes: string[]; command: string } // with an array "file" where there is no folder
   | { type: "cancelled"; id: number; ms: number }
@@ -147,6 +156,7 @@ export type Request =
   | ({ type: "run"; id: number; focus?: number[]; held: boolean; output: string; encoding: string } & Recipe)
   | ({ type: "save"; id: number; output: string; encoding: string; overwrite: boolean } & Recipe)
   | { type: "colours"; id: number; name: string }
+  | { type: "texture"; id: number }
   | { type: "noise"; id: number } // answered by colours whose array is "noise"
   | { type: "outliers"; id: number } // by colours whose array is "outliers", reasons
   | { type: "cancel"; id: number };

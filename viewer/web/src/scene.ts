@@ -147,6 +147,17 @@ export class Scene {
     this.render();
   }
 
+  /** Pixels that a side of a picture on faces may have. */
+  get mostOfSide(): number {
+    return this.picture.mostOfSide;
+  }
+
+  /** Lays pictures on the faces. */
+  setTexture(arrays: Record<string, Numbers>, pictures: (THREE.Texture | null)[]): void {
+    this.points.surface.setTexture(arrays.coordinates as Float32Array, arrays.face_pictures as Uint32Array, pictures);
+    this.render();
+  }
+
   setScalar(values: Float32Array): void {
     this.points.set({ name: "scalar", array: values, size: 1 });
     this.render();

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The session of `pointfair view`, over a WebSocket and POST.
 
-import type { Listener, Transport } from "./transport";
+import type { Given, Listener, Transport } from "./transport";
 
 const kRetry = 1500;
 
@@ -23,8 +23,13 @@ export class Server implements Transport {
     this.send(text);
   }
 
-  async open(file: File): Promise<void> {
-    const query = new URLSearchParams({ name: file.name });
+  async open({ file, named }: Given): Promise<void> {
+    for (const one of named) await this.post(one, { named: "1" });
+    await this.post(file, {});
+  }
+
+  private async post(file: File, words: Record<string, string>): Promise<void> {
+    const query = new URLSearchParams({ name: file.name, ...words });
     if (this.token) query.set("token", this.token);
     let response: Response;
     try {

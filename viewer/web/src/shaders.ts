@@ -2,7 +2,7 @@
 // GLSL of the points and of the eye-dome lighting.
 
 /** What a point is coloured by; the numbers that the shader knows. */
-export const kColourModes = { plain: 0, rgb: 1, normal: 2, height: 3, displacement: 4, scalar: 5 } as const;
+export const kColourModes = { plain: 0, rgb: 1, normal: 2, height: 3, displacement: 4, scalar: 5, texture: 6 } as const;
 
 // The light that falls on a surface that faces along n, in the eye's coordinates.
 const kLight = /* glsl */ `
@@ -27,6 +27,10 @@ in vec2 normal_before, normal_after;
 in vec4 face_before, face_after;
 out vec3 vAt, vView, vNormal;
 out float vInside;
+#ifdef PICTURE
+in vec2 in_picture;  // 0, 0 is its lower left corner
+out vec2 vInPicture;
+#endif
 #endif
 in vec3 rgb;
 in float scalar;
@@ -76,6 +80,9 @@ void main() {
   vView = view.xyz;
   vNormal = (modelViewMatrix * vec4(uAfter > 0.5 ? face_after.xyz : face_before.xyz, 0.0)).xyz;
   vInside = inside;
+#ifdef PICTURE
+  vInPicture = in_picture;
+#endif
 #else
   bool replaced = distance(position, uHole.xyz) <= uHole.w;
   if (!finite || replaced || (uHide && (any(lessThan(at, uBoxMin)) || any(greaterThan(at, uBoxMax))))) {
@@ -127,6 +134,11 @@ in float vInside;
 uniform float uShade, uTone;
 uniform bool uSmooth, uHide, uDim;
 uniform vec3 uBoxMin, uBoxMax;
+#ifdef PICTURE
+uniform highp int uColour;
+uniform sampler2D uPicture;
+in vec2 vInPicture;
+#endif
 out vec4 colour;
 ${kLight}
 void main() {
@@ -134,9 +146,13 @@ void main() {
 #ifdef LINES
   vec3 base = vColour;
 #else
+  vec3 its = vColour;
+#ifdef PICTURE  // its first row is the upper one
+  if (uColour == 6) its = texture(uPicture, vec2(vInPicture.x, 1.0 - vInPicture.y)).rgb;
+#endif
   bool smoothly = uSmooth && dot(vNormal, vNormal) > 0.01;
   vec3 n = normalize(smoothly ? vNormal : cross(dFdx(vView), dFdy(vView)));
-  vec3 base = vColour * light(dot(n, vView) > 0.0 ? -n : n) * uTone;
+  vec3 base = its * light(dot(n, vView) > 0.0 ? -n : n) * uTone;
 #endif
   colour = vec4(uDim && vInside < 0.5 ? dimmed(base) : base, 1.0);
 }

@@ -18,7 +18,7 @@ export class Stage {
   private readonly toasts = h("div", { class: "toasts", role: "alert", "aria-live": "assertive" });
   readonly welcome: Welcome;
 
-  constructor(private readonly view: View, private readonly wiped: (done: boolean) => void, dropped: (file: File) => void) {
+  constructor(private readonly view: View, private readonly wiped: (done: boolean) => void, dropped: (files: File[]) => void) {
     this.welcome = new Welcome(dropped);
     this.element.append(this.seam, this.handle, this.left, this.right, this.readout, this.hint, this.welcome.element, this.toasts, this.drop);
     this.listenToWipe();
@@ -127,7 +127,7 @@ export class Stage {
     });
   }
 
-  private listenToDrops(dropped: (file: File) => void): void {
+  private listenToDrops(dropped: (files: File[]) => void): void {
     const holdsFile = (event: DragEvent) => event.dataTransfer?.types.includes("Files");
     window.addEventListener("dragover", (event) => {
       if (!holdsFile(event)) return;
@@ -141,8 +141,8 @@ export class Stage {
       if (!holdsFile(event)) return;
       event.preventDefault();
       this.drop.hidden = true;
-      const file = event.dataTransfer!.files[0];
-      if (file) dropped(file);
+      const files = [...event.dataTransfer!.files];
+      if (files.length) dropped(files);
     });
   }
 }

@@ -12,11 +12,25 @@ export interface Listener {
   closed(): boolean;
 }
 
+/** A scan, and the files that it names: libraries of materials and pictures. */
+export interface Given {
+  file: File;
+  named: File[];
+}
+
+const kNamed = /\.(mtl|png|jpe?g|webp)$/i;
+
+/** Which of the files is the scan: the first that no scan names. */
+export function given(files: File[]): Given {
+  const file = files.find(({ name }) => !kNamed.test(name)) ?? files[0];
+  return { file, named: files.filter((other) => other !== file && kNamed.test(other.name)) };
+}
+
 export interface Transport {
   readonly isOpen: boolean;
   send(text: string): void;
   /** Ends the run under way, which the session confirms. `text`: the message that asks for it. */
   cancel(text: string): void;
-  /** Gives a file to the session. Throws with what is wrong, in words. */
-  open(file: File): Promise<void>;
+  /** Gives a scan to the session, after what it names. Throws with what is wrong, in words. */
+  open(scan: Given): Promise<void>;
 }

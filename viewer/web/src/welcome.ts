@@ -6,11 +6,10 @@ import { kIsLocal } from "./connection";
 
 export const kReads = "PLY, LAS, LAZ, COPC, E57, PCD, PTX, PTS, XYZ, TXT, CSV, NPY, STL, OFF, OBJ, GLB";
 
-/** Lets the user choose a file of this machine. */
-export function chooseFile(chosen: (file: File) => void): void {
-  const input = h("input", { type: "file", onchange: () => {
-    const file = input.files?.[0];
-    if (file) chosen(file);
+/** Lets the user choose a file of this machine, and those that it names. */
+export function chooseFiles(chosen: (files: File[]) => void): void {
+  const input = h("input", { type: "file", multiple: true, onchange: () => {
+    if (input.files?.length) chosen([...input.files]);
   } });
   input.click();
 }
@@ -20,12 +19,13 @@ export class Welcome {
   private readonly door: HTMLElement;
   readonly element: HTMLElement;
 
-  constructor(chosen: (file: File) => void) {
+  constructor(chosen: (files: File[]) => void) {
     this.door = h("div", { class: "door", hidden: true },
       h("h1", {}, "Open a scan"),
       h("p", {}, "Drop a file here, or choose one of this machine."),
-      h("button", { type: "button", class: "plain primary", id: "choose", onclick: () => chooseFile(chosen) }, "Choose a file"),
+      h("button", { type: "button", class: "plain primary", id: "choose", onclick: () => chooseFiles(chosen) }, "Choose a file"),
       h("p", { class: "note" }, kReads),
+      h("p", { class: "note" }, "A mesh with a texture together with the .mtl file and the pictures that it names."),
       kIsLocal ? h("p", { class: "note" }, "Up to 1\u202f000\u202f000 points. The file does not leave this machine: pointfair runs in this page.") : null);
     this.element = h("div", { class: "welcome" }, this.words, this.door);
   }
