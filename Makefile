@@ -61,7 +61,7 @@ help:
 
 build:
 	@$(install) build
-	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF
+	cmake --preset $(preset) -DPOINTFAIR_TESTS=OFF $(CMAKE_OPTIONS)
 	cmake --build build
 
 test:

@@ -90,7 +90,7 @@ std::vector<double> squared_distances(const std::vector<Vec3>& from, const std::
     const double query[3] = {from[i].x, from[i].y, from[i].z};
     std::size_t index = 0;
     double squared = 0;
-    tree.knnSearch(query, 1, &index, &squared);
+    static_cast<void>(tree.knnSearch(query, 1, &index, &squared));  // the number found: one, as `to` is not empty
     return squared;
   });
 }

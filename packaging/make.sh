@@ -4,7 +4,8 @@
 #
 #   packaging/make.sh source        pointfair-VERSION.tar.gz: the sources of HEAD with the viewer's page built, and its SHA-256
 #   packaging/make.sh recipes URL   recipes/: the recipes for that archive, which will lie at URL
-#   packaging/make.sh deb           Debian packages, built from that archive without a network connection
+#   packaging/make.sh deb           Debian packages, built from that archive without a network connection; their maintainer is
+#                                   DEBFULLNAME with the address DEBEMAIL
 set -euo pipefail
 cd "$(dirname "$0")/.."
 version=$(sed -n 's/.*POINTFAIR_VERSION "\(.*\)".*/\1/p' include/pointfair/version.hpp)
@@ -44,13 +45,14 @@ make_recipes() {
 }
 
 make_deb() {
-  local work=build/deb
+  local work=build/deb maintainer="${DEBFULLNAME:-The pointfair maintainers} <${DEBEMAIL:-pointfair@localhost}>"
   need_source
   rm -rf $work && mkdir -p $work
   tar -xzf "$archive" -C $work
   cp -r packaging/debian $work/$name/debian
-  printf 'pointfair (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- The pointfair maintainers <pointfair@localhost>  %s\n' \
-    "$version" "$(date -R -d "@$(git log -1 --format=%ct)")" > $work/$name/debian/changelog
+  sed -i "s|^Maintainer: .*|Maintainer: $maintainer|" $work/$name/debian/control
+  printf 'pointfair (%s) unstable; urgency=medium\n\n  * See CHANGELOG.md.\n\n -- %s  %s\n' \
+    "$version" "$maintainer" "$(date -R -d "@$(git log -1 --format=%ct)")" > $work/$name/debian/changelog
   (cd $work/$name && dpkg-buildpackage --build=binary --no-sign)
   mkdir -p dist && mv $work/*.deb dist
   ls -l dist/*.deb
@@ -59,5 +61,5 @@ make_deb() {
 case "${1:-}" in
   source | deb) "make_$1" ;;
   recipes) make_recipes "${2:-}" ;;
-  *) sed -n '5,7s/^# *//p' "$0" >&2; exit 2 ;;
+  *) sed -n '5,8s/^# *//p' "$0" >&2; exit 2 ;;
 esac

@@ -17,7 +17,7 @@ packages_for() {
     format) echo clang-format-16 ;;
     docs) echo doxygen ;;
     integrations) echo qgis qgis-providers libgl1 libice6 libsm6 libxfixes3 libxi6 libxkbcommon0 libxrender1 ;;
-    deb) echo dpkg-dev debhelper ;;
+    deb) echo build-essential dpkg-dev debhelper ;;
     *) echo "$0: unknown job '$1': use build, test, python, demo, bench, plots, fuzz, format, docs, integrations or deb" >&2; exit 2 ;;
   esac
 }

@@ -54,7 +54,7 @@ inline NeighborLists find_neighbors(const Tree& tree, std::span<const Point> poi
     thread_local std::vector<float> distances;
     found.resize(width + 1);
     distances.resize(width + 1);
-    tree.knnSearch(&points[i].x, width + 1, found.data(), distances.data());
+    static_cast<void>(tree.knnSearch(&points[i].x, width + 1, found.data(), distances.data()));  // always width + 1
     // the point finds itself, unless more than k others lie on the same spot: then the last one goes
     std::size_t self = 0;
     while (self < width && found[self] != i) ++self;
