@@ -30,17 +30,25 @@ class DistanceLists {
   template <bool kOwn>
   void offer(const IndexView& index, const Queries& queries, Floats bound, const int* positions, int count) {
     Entry useful[kMaxBatch + kRound];
+    const point::Vec3<Floats> here = queries.position;  // as in FastLists
     int n = 0;
     for (int i = 0; i < count; ++i) {
       const int at = positions[i];
-      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - queries.position);
+      const Floats distance = point::squared_length(spread(index.x[at], index.y[at], index.z[at]) - here);
       Mask hit = distance < bound;
       if constexpr (kOwn) hit = hit & (queries.at != broadcast(at));
       useful[n] = entry_of(select(hit, distance, broadcast(kInfinity)));
       n += any(hit);
     }
     for (; n % kRound != 0; ++n) useful[n] = entry_of(broadcast(kInfinity));
-    for (int i = 0; i < n; i += kRound) merge(useful + i);
+#if defined(__clang__)  // as in FastLists
+    Entry entries[K];
+    __builtin_memcpy(entries, entry_, sizeof entries);
+    for (int i = 0; i < n; i += kRound) merge(entries, useful + i);
+    __builtin_memcpy(entry_, entries, sizeof entries);
+#else
+    for (int i = 0; i < n; i += kRound) merge(entry_, useful + i);
+#endif
   }
 
  private:
@@ -57,13 +65,13 @@ class DistanceLists {
   static constexpr int kRound = K < 16 ? K : 16;
   static constexpr int kPowerOfTwo = K <= 8 ? 8 : K <= 16 ? 16 : K <= 32 ? 32 : 64;
 
-  POINTFAIR_INLINE void merge(Entry* round) {
+  static POINTFAIR_INLINE void merge(Entry* entries, Entry* round) {
     sort_run<0, kRound>(round);
     for (int i = 0; i < kRound; ++i) {
-      Entry& kept = entry_[K - kRound + i];
+      Entry& kept = entries[K - kRound + i];
       kept = smaller(kept, round[kRound - 1 - i]);
     }
-    sort_bitonic<kPowerOfTwo, kPowerOfTwo - K>(entry_);
+    sort_bitonic<kPowerOfTwo, kPowerOfTwo - K>(entries);
   }
 
   int k_;  // distances that are asked for, at most K

@@ -5,6 +5,7 @@ tests/golden/hashes.txt: the same bytes on every processor, system, number of th
 
     tests/golden/golden.py build/bin/pointfair                        every case in every way this processor has
     tests/golden/golden.py --runner 'qemu-aarch64-static' FILE        a program of another platform
+    tests/golden/golden.py --device cuda --isa '' FILE                on a card
     tests/golden/golden.py build/bin/pointfair --regenerate           after results changed on purpose; writes hashes.txt
 """
 import argparse
@@ -37,6 +38,7 @@ MORE_WORDS = {
 ALONG_MESH = {"mesh": [], "mesh_rings": ["--rings", "2"], **{f"mesh_{method}": ["--method", method] for method in
               ["laplacian", "taubin", "hc-laplacian", "mollified", "implicit", "fleishman", "jones"]}}
 NOT_IN_TILES = {"learned", "implicit", "normals", "noise", "las", "e57", *ALONG_MESH}  # refused there
+NOT_ON_CARDS = {"implicit", *ALONG_MESH}  # likewise
 RAY = {"ray": ["--along", "ray", "--viewpoint", "0,0,0"]}
 OUTPUT = {"las": "las", "e57": "e57", "normals": "ply", "noise": "ply"}
 
@@ -60,12 +62,12 @@ def ways(isas, threads, tiles):
             for isa, n, t in itertools.product(isas, threads, tiles)}
 
 
-def hash_of(program, folder, case, environment, words):
+def hash_of(program, folder, device, case, environment, words):
     """Of the file that the program writes, or its exit code."""
     cloud, options, ending = case
     with tempfile.TemporaryDirectory(dir=folder) as work:
         out = pathlib.Path(work) / f"out.{ending}"
-        command = [*program, "run", str(folder / cloud), str(out), "--quiet", "--device", "cpu", *options, *words]
+        command = [*program, "run", str(folder / cloud), str(out), "--quiet", "--device", device, *options, *words]
         done = subprocess.run(command, capture_output=True, env={**os.environ, **environment}, cwd=work)
         if done.returncode != 0:
             return f"exit code {done.returncode}{' and a file' if out.exists() else ''}"
@@ -80,6 +82,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("program")
     parser.add_argument("--runner", default="", help="words before the program, as 'qemu-aarch64-static', wine or node")
+    parser.add_argument("--device", default="cpu", help="cpu, cuda or cuda:N")
     parser.add_argument("--isa", default="sse2,avx2,avx512", help="instruction sets; an empty word: the best")
     parser.add_argument("--threads", type=numbers, default=[1, 2, 7])
     parser.add_argument("--tiles", type=numbers, default=[0, 3], help="0: in memory")
@@ -90,6 +93,8 @@ def main():
     program = [*shlex.split(args.runner), str(pathlib.Path(args.program).resolve())]
     first, step = map(int, args.slice.split("/"))
     wanted = dict(itertools.islice(cases().items(), first, None, step))
+    if args.device != "cpu":
+        wanted = {name: case for name, case in wanted.items() if name.split()[1] not in NOT_ON_CARDS}
     known = dict(line.rsplit(": ", 1) for line in HASHES.read_text().splitlines()) if HASHES.exists() else {}
     all_ways = ways(args.isa.split(","), args.threads, args.tiles)
     if args.regenerate:
@@ -98,7 +103,7 @@ def main():
         folder = pathlib.Path(folder)
         for name in {cloud for cloud, _, _ in wanted.values()}:
             (folder / name).write_bytes({**CLOUDS, **MESHES}[name]())
-        runs = {(case, way): pool.submit(hash_of, program, folder, wanted[case], *all_ways[way])
+        runs = {(case, way): pool.submit(hash_of, program, folder, args.device, wanted[case], *all_ways[way])
                 for case in wanted for way in all_ways if not (case.split()[1] in NOT_IN_TILES and "--tiles" in all_ways[way][1])}
         got = {key: run.result() for key, run in runs.items()}
     if args.regenerate:
