@@ -87,7 +87,7 @@ TEST(ViewerTexture, WhatIsNoPlainFileOfAModerateSizeIsRefused) {
   EXPECT_NE(refusal(companions, "").find("no plain file"), std::string::npos);
   EXPECT_EQ(refusal(companions, "gone.png"), "gone.png: is not in the mesh's folder; put it there");
   EXPECT_EQ(refusal(companions, "large.png"), "large.png: has 64 MiB, and up to 64 are shown; make it smaller");
-  const std::string odd = refusal(companions, "x\ny" + std::string(1000, 'z'));
+  const std::string odd = refusal(companions, std::string("x\ny").append(1000, 'z'));
   EXPECT_EQ(odd.find('\n'), odd.npos) << "one line";
   EXPECT_LT(odd.size(), 300U);
 }
