@@ -67,11 +67,11 @@ TEST(Texture, LibrariesAreFoundWhateverTheirLinesLookLike) {
   Shelf shelf;
   shelf.files = {{"my things.mtl", "newmtl a\nmap_Kd a.png\n"},
                  {"sub/b.mtl", "newmtl b\nmap_Kd -s 2 2 1 -o 0.5 pictures/b.png\n"},
-                 {"a.mtl", "\xEF\xBB\xBFnewmtl a\nmap_Kd /root/a.png\n"}};
+                 {"a.mtl", "\xEF\xBB\xBFnewmtl a\nmap_Kd /mnt/a.png\n"}};
   const Texture spaced = texture(parse("mtllib my things.mtl\n" + faces, "a.obj"), shelf.reader());
   EXPECT_EQ(names(spaced), Names{"a.png"});
   const Texture several = texture(parse("mtllib a.mtl sub/b.mtl gone.mtl\n" + faces, "a.obj"), shelf.reader());
-  EXPECT_EQ(names(several), (Names{"/root/a.png", "sub/pictures/b.png"})) << "from where the library is";
+  EXPECT_EQ(names(several), (Names{"/mnt/a.png", "sub/pictures/b.png"})) << "from where the library is";
   ASSERT_EQ(several.notes.size(), 2U);
   EXPECT_EQ(several.notes[0], "gone.mtl: is not there");
   EXPECT_NE(several.notes[1].find("sub/pictures/b.png"), std::string::npos) << several.notes[1];
