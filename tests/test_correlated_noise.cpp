@@ -100,7 +100,7 @@ Points with_noise_of_windows(Points points, double sigma) {
   return points;
 }
 
-// With the 48 nearest points, .85 of it stays.
+// With the 48 nearest points, .86 of it stays.
 TEST(CorrelatedNoise, of_windows_is_averaged_over_many_of_them) {
   const double sigma = 0.5 * kSpacing;
   EXPECT_LT(rms_height_after_a_run(with_noise_of_windows(shapes::plane(kPoints), sigma), {}), 0.4 * sigma);

@@ -64,10 +64,9 @@ inline constexpr double kOwnGrowth = 1.05;                   // ratio of median 
 inline constexpr double kShapeVarianceGrowth = 4;            // ratio of variances of shape: a quadric's; 082
 inline constexpr double kCorrelatedGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
 inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
-inline constexpr double kSmoothGrowth =
-    1.8;  // ratio in flat places; of more, neighbours have no noise of their own; 075
+inline constexpr double kSmoothGrowth = 1.8;    // the same ratio; of more, neighbours have no noise of their own; 075
 inline constexpr double kFarCorrelation = 0.9;  // of copies thinned by 2 and 4; 075
-inline constexpr double kMostFarNoise = 0.45;   // spacings of these copies; more is shape; 075
+inline constexpr double kMostFarNoise = 0.45;   // spacings, of these copies and of all points; more is shape; 075
 inline constexpr double kLeastSlowing = 0.25;   // the next growth over one; less is a relief of one wavelength; 075
 inline constexpr double kMoreGrowth = 0.15;     // of copies thinned by 4 and 8 over that of all points; 075
 
