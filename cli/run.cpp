@@ -104,7 +104,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   arguments.outlier_action = take_outlier_action(arguments.params);
   findings.asked = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
-  if (needs_cpu_and_memory(findings.asked) && arguments.device.device == "auto")
+  if (findings.asked.connectivity == Connectivity::mesh && arguments.device.device == "auto")
     arguments.device.device = "cpu";  // which alone computes that
   const Device device = make_device(arguments.device);
   check_viewpoint(arguments.viewpoint);

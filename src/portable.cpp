@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <numbers>
 
@@ -127,11 +128,7 @@ double cos_of(const Pair& r) {
 
 }  // namespace
 
-double exp(double x) {
-  if (x < -700) return 0;
-  if (x > 700) return kInfinite;
-  return x == x ? exp_within_700(x) : x;
-}
+double exp(double x) { return point::exponential(x); }
 
 double log(double x) {
   if (x == 0) return -kInfinite;

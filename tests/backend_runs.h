@@ -33,6 +33,7 @@ struct StageResults {
   std::vector<Point> points, normals;
   Counts counts;
   OutlierCounts held_back{};
+  SolverReport solver{};
 };
 
 // `while_arriving`: stages are started before the upload has ended.
@@ -52,11 +53,12 @@ inline StageResults run(Backend& backend, const std::vector<Point>& points, cons
     backend.fair(iteration, fairing, {});
   }
   const int last = settings.iterations - 1;
-  StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, {}};
+  StageResults result{std::vector<Point>(points.size()), std::vector<Point>(points.size()), {}, {}, {}};
   result.held_back = backend.download(last, result.points, settings.limits, {});
   if (while_arriving) backend.overlap()->finish_upload();
   backend.download_normals(last, result.normals, {});
   result.counts = backend.counts(last);
+  result.solver = backend.solver_report(last);
   return result;
 }
 

@@ -52,6 +52,8 @@ class CudaBackendTest : public ::testing::Test {
     EXPECT_EQ(cuda.counts.unmoved, cpu.counts.unmoved);
     EXPECT_EQ(cuda.counts.short_neighborhoods, cpu.counts.short_neighborhoods);
     EXPECT_EQ(cuda.held_back, cpu.held_back);
+    EXPECT_EQ(cuda.solver.iterations, cpu.solver.iterations);
+    EXPECT_EQ(cuda.solver.residual, cpu.solver.residual);
   }
 
   // A backend to which so many points come in three to eight parts.

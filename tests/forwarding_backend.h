@@ -38,7 +38,8 @@ class ForwardingBackend : public Backend, public Sampling {
     to_->download_normals(iteration, normals, stop);
   }
   void download_input(std::span<Point> points) override { to_->download_input(points); }
-  bool holds_all_on_host() const override { return to_->holds_all_on_host(); }
+  bool holds_whole() const override { return to_->holds_whole(); }
+  bool follows_meshes() const override { return to_->follows_meshes(); }
   SolverReport solver_report(int iteration) override { return to_->solver_report(iteration); }
   Counts counts(int iteration) override { return to_->counts(iteration); }
   Costs take_costs() override { return to_->take_costs(); }

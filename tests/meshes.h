@@ -2,6 +2,8 @@
 // Meshes for tests, and what faces say of their points in the plainest code: nothing is shared with src/mesh.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -135,14 +137,35 @@ struct Result {
   Report report;
 };
 
-// On the CPU; a mesh without faces is a cloud.
-inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
-  Pipeline pipeline(Device(Device::cpu, 0, threads));
+inline bool has_card() {
+  static const bool result = [] {
+    const std::vector<DeviceStatus> all = list_devices();
+    return std::any_of(all.begin(), all.end(),
+                       [](const DeviceStatus& its) { return its.usable && its.info.kind == Device::cuda; });
+  }();
+  return result;
+}
+
+// A mesh without faces is a cloud.
+inline Result run_on(const Device& device, const Mesh& mesh, const Params& params) {
+  Pipeline pipeline(device);
   pipeline.load(mesh.points);
   if (!mesh.faces.empty()) pipeline.set_faces(polygons_of(mesh.faces));
   Result result{Points(mesh.points.size()), {}};
   pipeline.run(params, result.points);
   result.report = pipeline.report();
+  return result;
+}
+
+// On the CPU, and where there is a card on that, with the same bits.
+inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
+  const Result result = run_on(Device(Device::cpu, 0, threads), mesh, params);
+  if (!has_card() || params.connectivity == Connectivity::mesh) return result;
+  const Result of_card = run_on(Device::cuda, mesh, params);
+  EXPECT_TRUE(shapes::same_bits(of_card.points, result.points)) << "on a card";
+  EXPECT_EQ(of_card.report.unmoved, result.report.unmoved) << "on a card";
+  EXPECT_EQ(of_card.report.solver.iterations, result.report.solver.iterations) << "on a card";
+  EXPECT_EQ(of_card.report.solver.residual, result.report.solver.residual) << "on a card";
   return result;
 }
 

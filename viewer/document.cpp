@@ -144,7 +144,7 @@ void Document::run(const Request& request, std::stop_token stop) {
   update_movable(request.recipe.limits);
   const std::optional<Params> used = resolved(request.recipe.params, stop);
   // a part of a mesh has no faces, and the equations of a part are others
-  const bool has_parts = used && !needs_cpu_and_memory(*used);
+  const bool has_parts = used && !needs_whole_cloud(*used);
   if (has_parts && expectation_.milliseconds(*used) > kSlowMilliseconds) show_preview(request, *used, stop);
   pipeline_->run(request.recipe.params, result_.points(), stop, progress_for(request.id));
   last_params_ = request.recipe.params;

@@ -248,9 +248,9 @@ constexpr bool is_of_meshes(const ParamInfo& info) {
   return info.name == "rings" || info.name == "keep_boundary" || info.name == "tangential";
 }
 
-/// Whether a run computes on the CPU alone, with the whole cloud in memory: along the edges of faces, and where one
-/// system of equations holds all points.
-constexpr bool needs_cpu_and_memory(const Params& params) {
+/// Whether a run needs the whole cloud in the memory of one device: along the edges of faces, and where one system of
+/// equations holds all points.
+constexpr bool needs_whole_cloud(const Params& params) {
   return params.connectivity == Connectivity::mesh || params.method == Method::implicit;
 }
 

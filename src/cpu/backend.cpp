@@ -140,16 +140,10 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
   Costs take_costs() override { return {{}, meter_.peak, 0, 1}; }
 
-  SolverReport solver_report(int iteration) override {
-    SolverReport all;
-    for (const SolverReport& one : std::span(solved_).first(std::size_t(iteration) + 1)) {
-      all.iterations += one.iterations;
-      all.residual = std::max(all.residual, one.residual);
-    }
-    return all;
-  }
+  SolverReport solver_report(int iteration) override { return sum_of(solved_, iteration); }
 
-  bool holds_all_on_host() const override { return true; }
+  bool holds_whole() const override { return true; }
+  bool follows_meshes() const override { return true; }
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
 

@@ -10,9 +10,6 @@
 
 namespace pointfair::cpu {
 
-inline constexpr double kSolverResidual = 1e-6;  // of each coordinate, relative to its right-hand side
-inline constexpr int kSolverIterations = 1000;   // at most
-
 // Moved positions in sorted order. Memory while it runs: that of the graph, and 120 bytes a point.
 SolverReport fair_implicitly(const GraphSource& source, const FairingSettings& settings, std::span<Point> out,
                              const std::stop_token& stop);

@@ -7,10 +7,11 @@
 #include <vector>
 
 #include "cpu/parallel.h"
+#include "point/graph.h"
 
 namespace pointfair::cpu {
 
-inline constexpr std::size_t kSumBlock = 2048;
+inline constexpr std::size_t kSumBlock = point::kSumBlock;
 
 // Calls add(item, sum of its block) for each item; a Sum begins with its default value and has +=.
 template <class Sum, class Add>

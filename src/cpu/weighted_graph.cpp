@@ -8,31 +8,31 @@
 #include "cpu/ordered_sum.h"
 #include "cpu/parallel.h"
 #include "point/neighbors.h"
-#include "portable.hpp"
+#include "seam/rules.hpp"
 
 namespace pointfair::cpu {
 namespace {
 
 using Vec = point::Vec3<double>;
 
-constexpr double kLeastLength = 1e-3;  // of the mean one; points at one place have none, and 1 / length no bound
-constexpr double kLeastSine = 1e-6;    // of a triangle's corner; a thinner triangle has no cotangents
-constexpr double kUnitOfScale = 0.5, kUnitOfCurvature = 1.5;  // of a squared length; see docs/methods.md
+constexpr double kLeastSine = 1e-6;       // of a triangle's corner; a thinner triangle has no cotangents
+constexpr double kUnitOfCurvature = 1.5;  // of a squared length, on a mesh; see docs/methods.md
 
 Vec place(const IndexView& index, std::size_t i) { return {index.x[i], index.y[i], index.z[i]}; }
-
-double distance(const IndexView& index, std::size_t i, std::size_t j) {
-  return std::sqrt(point::squared_length(place(index, j) - place(index, i)));
-}
 
 // Half an edge from each end that lists the other, so that both ends see the same whole.
 template <class Visit>
 void for_listed(const GraphSource& source, const Visit& visit) {
+  const IndexView& index = source.index;
+  const auto are_at_one_place = [&](Index i, Index j) {
+    return index.x[i] == index.x[j] && index.y[i] == index.y[j] && index.z[i] == index.z[j];
+  };
   for (Index i = 0; i < source.index.points; ++i) {
     const Index* const list = source.lists.of_leaf(i / kLeafSize).list + i % kLeafSize;
     for (int slot = 0; slot < source.lists.k && list[slot * kLeafSize] != point::kNoNeighbor; ++slot) {
-      visit(i, list[slot * kLeafSize], 0.5f);
-      visit(list[slot * kLeafSize], i, 0.5f);
+      const Index there = point::first_alike([&](int s) { return list[s * kLeafSize]; }, slot, i, are_at_one_place);
+      visit(i, there, 0.5f);
+      visit(there, i, 0.5f);
     }
   }
 }
@@ -101,21 +101,14 @@ void collect(WeightedGraph& graph, std::size_t points, const ForEach& for_each) 
 }
 
 // In the order of neighbours, each once, with the sum of its weights.
-void merge_row(std::span<WeightedGraph::Entry> row, std::uint32_t& count) {
+void merge_row(std::span<WeightedGraph::Entry> row, Index& count) {
   for (std::size_t i = 1; i < row.size(); ++i) {  // rows are short, and equal ones must keep their order
     const WeightedGraph::Entry entry = row[i];
     std::size_t to = i;
     for (; to > 0 && entry.there < row[to - 1].there; --to) row[to] = row[to - 1];
     row[to] = entry;
   }
-  count = 0;
-  for (const WeightedGraph::Entry& entry : row) {
-    if (count > 0 && row[count - 1].there == entry.there) {
-      row[count - 1].weight += entry.weight;
-    } else {
-      row[count++] = entry;
-    }
-  }
+  count = point::merge_entries(row.data(), Index(row.size()));
 }
 
 void merge_rows(WeightedGraph& graph, const std::stop_token& stop) {
@@ -131,39 +124,28 @@ double mean_length(const WeightedGraph& graph, const IndexView& index, const std
     Lengths& operator+=(const Lengths& more) { return sum += more.sum, count += more.count, *this; }
   };
   const Lengths all = ordered_sum<Lengths>(graph.points(), stop, [&](std::size_t i, Lengths& here) {
-    for (const auto& entry : graph.row(i)) here.sum += distance(index, i, entry.there);
+    for (const auto& entry : graph.row(i)) here.sum += point::edge_length(place(index, i), place(index, entry.there));
     here.count += graph.count[i];
   });
   return all.count > 0 ? all.sum / all.count : 0;
 }
 
 // Weights by length, and the masses that go with them. `graph` has numbers of edges for weights.
-void weigh(WeightedGraph& graph, const IndexView& index, ImplicitWeights by, double sigma, double mean,
-           const std::stop_token& stop) {
-  const double factor = by == ImplicitWeights::curvature ? 1 / (2 * sigma * sigma) : 0;
-  graph.mass.assign(graph.points(), 0);
+void weigh(WeightedGraph& graph, const IndexView& index, const point::EdgeRule& rule, const std::stop_token& stop) {
+  graph.mass.resize(graph.points());
   for_blocks(graph.points(), kSumBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i)
-      for (auto& entry : std::span(graph.entries.data() + graph.begin[i], graph.count[i])) {
-        const double length = distance(index, i, entry.there);
-        if (by == ImplicitWeights::scale) {
-          const double its = std::max(length, kLeastLength * mean);
-          graph.mass[i] += entry.weight * its / 2;
-          entry.weight = float(entry.weight / its);
-        } else {
-          if (factor > 0) entry.weight = float(entry.weight * portable::exp(-factor * length * length));
-          graph.mass[i] += entry.weight;
-        }
-      }
+      graph.mass[i] = point::weigh_row(graph.entries.data() + graph.begin[i], graph.count[i], place(index, i), rule,
+                                       [&](Index there) { return place(index, there); });
   });
 }
 
 void sum_rows(WeightedGraph& graph, const std::stop_token& stop) {
-  graph.weight_sum.assign(graph.points(), 0);
+  graph.weight_sum.resize(graph.points());
   for_blocks(graph.points(), kSumBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t i = first; i < last; ++i) {
-      for (const auto& entry : graph.row(i)) graph.weight_sum[i] += entry.weight;
-      if (graph.count[i] < std::uint32_t(point::kLeastNeighbors)) graph.mass[i] = 0;
+      graph.weight_sum[i] = point::sum_of_row(graph.row(i).data(), graph.count[i]);
+      if (graph.count[i] < Index(point::kLeastNeighbors)) graph.mass[i] = 0;
     }
   });
 }
@@ -213,8 +195,8 @@ WeightedGraph weighted_graph(const GraphSource& source, const FairingSettings& s
     });
     merge_rows(graph, stop);
     const double length = mean_length(graph, index, stop);
-    weigh(graph, index, by, settings.closeness_sigma, length, stop);
-    if (by == ImplicitWeights::scale) graph.unit = kUnitOfScale * length * length;
+    weigh(graph, index, edge_rule(settings, length), stop);
+    graph.unit = lambda_unit(settings, length);
   }
   sum_rows(graph, stop);
   return graph;

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cpu/kernels.h"
+#include "point/graph.h"
 #include "seam/settings.hpp"
 
 namespace pointfair::cpu {
@@ -22,12 +23,9 @@ struct GraphSource {
 
 // By sorted position. Memory: 8 bytes an entry, 40 bytes a point.
 struct WeightedGraph {
-  struct Entry {
-    Index there;
-    float weight;
-  };
-  std::vector<std::uint64_t> begin;
-  std::vector<std::uint32_t> count;
+  using Entry = point::GraphEntry;
+  std::vector<unsigned long long> begin;
+  std::vector<Index> count;
   std::vector<Entry> entries;      // of each row ascending, each neighbour once
   std::vector<double> mass;        // of each point, M of Eq. 28; 0: the point stays
   std::vector<double> weight_sum;  // of each row
@@ -35,6 +33,7 @@ struct WeightedGraph {
 
   std::size_t points() const { return count.size(); }
   std::span<const Entry> row(std::size_t i) const { return {entries.data() + begin[i], count[i]}; }
+  point::GraphView view() const { return {begin.data(), count.data(), entries.data(), mass.data(), weight_sum.data()}; }
 };
 
 // Rows of fewer than 3 neighbours, and along a mesh all points of a vertex but one, are left empty or without mass.

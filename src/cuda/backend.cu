@@ -70,10 +70,17 @@ void CudaBackend::estimate_normals(int iteration, const NormalSettings& settings
 
 void CudaBackend::fair(int iteration, const FairingSettings& settings, std::stop_token stop) {
   Chain& its = chain(iteration);
+  if (settings.method != Method::bilateral && its.normals_wait()) {  // no one kernel
+    const cudaEvent_t before = start_stage();
+    its.run_waiting_normals(stop);
+    clock_.note("normals", before, its.stream());
+  }
   const bool with_normals = its.normals_wait();
   const cudaEvent_t start = start_stage();
   its.fair(settings, stop);
   clock_.note(with_normals ? kBoth : "fairing", start, its.stream());
+  solved_.resize(std::size_t(iteration) + 1);
+  solved_.back() = its.solver_report();
 }
 
 OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, const DisplacementLimits& limits,

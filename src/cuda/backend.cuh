@@ -89,6 +89,8 @@ class CudaBackend final : public Backend,
               const std::stop_token& stop) override;
 
   Counts counts(int iteration) override;
+  SolverReport solver_report(int iteration) override { return sum_of(solved_, iteration); }
+  bool holds_whole() const override { return true; }
   Costs take_costs() override;
   std::optional<StageOf> take_stopped() override;
 
@@ -182,7 +184,8 @@ class CudaBackend final : public Backend,
   StopLine stop_line_{context_};
   CollectedRoom room_{context_};
   Chain first_{context_, room_, stop_line_, 0}, further_{context_, room_, stop_line_, kFurtherCalls};
-  int further_iteration_ = 0;  // whose results further_ holds; 0: none
+  int further_iteration_ = 0;         // whose results further_ holds; 0: none
+  std::vector<SolverReport> solved_;  // of each iteration
   Upload upload_{context_};
   Links links_{context_};  // of cards that share clouds with this one
 };

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cuda/chain.cuh"
+#include "cuda/stages/implicit.cuh"
 #include "cuda/stages/methods.cuh"
 #include "seam/stop.hpp"
 
@@ -151,6 +152,7 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   begin_stage(Stage::fairing, stop);
   restore_neighborhoods(stop);
   fairing_settings_ = settings;
+  solver_ = {};
   const int power = area_power(settings.area_weight);
   if (power > 0) {
     join();
@@ -174,6 +176,11 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   }
   const FairedPoints faired{faired_.data(), input_,           index_.points(),
                             staged.data(),  originals.data(), originals.data() + originals.size() / 2};
+  if (settings.method == Method::implicit) {
+    run_waiting_normals(stop);
+    solver_ = fair_implicitly(context_, index_.tree(), lists(), settings, faired, stop);
+    return;
+  }
   if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
   if (!plain) {
     run_waiting_normals(stop);

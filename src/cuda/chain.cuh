@@ -5,7 +5,7 @@
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
 // asked for; radii instead of lists 4, 4 more where the noise is followed and 4 where the reach differs, and what the
 // collector takes, up to kLargestCollection, from a room that chains share; while neighbours are found, 4, and with the
-// constraint 4 more for each of k candidates; while a large cloud is faired, 20.
+// constraint 4 more for each of k candidates; while a large cloud is faired, 20, and what the method implicit takes.
 #pragma once
 
 #include <limits>
@@ -42,6 +42,8 @@ class Chain {
   void find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop);
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);
+
+  const SolverReport& solver_report() const { return solver_; }  // of the last fair() by Method::implicit
 
   bool normals_wait() const { return normals_wait_; }
   // Work that the context's stream gets from now on waits for all parts.
@@ -155,6 +157,7 @@ class Chain {
   DeviceArray<Index> foreseen_;  // the nearest points of each, so many
   int foreseen_count_ = 0;
   DeviceArray<Point> faired_;
+  SolverReport solver_;
 };
 
 }  // namespace pointfair::cuda

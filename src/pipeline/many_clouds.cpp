@@ -78,7 +78,7 @@ PointsOnCard<Memory> part_of(const PointsOnCard<Memory>& points, std::size_t beg
 // its own.
 bool Pipeline::State::runs_together(const Params& params) {
   return cloud.backend().many_clouds() != nullptr && params.method == Method::bilateral &&
-         params.along == Along::normal && !needs_cpu_and_memory(params) && (may_differ(params) || is_alike(params));
+         params.along == Along::normal && !needs_whole_cloud(params) && (may_differ(params) || is_alike(params));
 }
 
 // As many at once as one upload takes, but `at_once` clouds at most.

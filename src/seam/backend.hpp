@@ -93,9 +93,10 @@ class Backend {
   // After Error(interrupted): the first stage that was given up after its call had returned, if any.
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
-  // Whether it does what needs_cpu_and_memory() names: it reads NeighborSettings::mesh and
-  // FairingSettings::kept_boundary, and knows Method::implicit.
-  virtual bool holds_all_on_host() const { return false; }
+  // Whether its stages see all points at once, as Method::implicit does.
+  virtual bool holds_whole() const { return false; }
+  // Whether it reads NeighborSettings::mesh, FairingSettings::kept_boundary and faces.
+  virtual bool follows_meshes() const { return false; }
 
   virtual Sampling& sampling() = 0;
   virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles

@@ -3,9 +3,12 @@
 #pragma once
 
 #include <algorithm>
+#include <span>
 
+#include "point/graph.h"
 #include "point/method.h"
 #include "point/stages.h"
+#include "pointfair/report.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
@@ -46,7 +49,7 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
   switch (settings.method) {
     case Method::bilateral:
     case Method::learned:    // its stages are those of the method bilateral
-    case Method::implicit:   // solves for all points at once (cpu/implicit.h)
+    case Method::implicit:   // solves for all points at once (point/graph.h)
     case Method::jones:      // looks at faces (cpu/facets.h)
     case Method::fleishman:  // its stages are those of the method bilateral
     case Method::laplacian:
@@ -73,6 +76,28 @@ inline point::MethodRule method_rule(const FairingSettings& settings) {
       break;
   }
   return rule;
+}
+
+// What the edges of Method::implicit count for where they are weighed by length, of which `mean_length` is the mean.
+inline point::EdgeRule edge_rule(const FairingSettings& settings, double mean_length) {
+  const double sigma = settings.closeness_sigma;
+  return {settings.implicit_weights == ImplicitWeights::scale,
+          settings.implicit_weights == ImplicitWeights::curvature ? 1 / (2 * sigma * sigma) : 0,
+          point::kLeastLength * mean_length};
+}
+// The unit of their lambda.
+inline double lambda_unit(const FairingSettings& settings, double mean_length) {
+  return settings.implicit_weights == ImplicitWeights::scale ? point::kUnitOfScale * mean_length * mean_length : 1;
+}
+
+// Of all iterations up to one, of those of each.
+inline SolverReport sum_of(std::span<const SolverReport> iterations, int last) {
+  SolverReport all;
+  for (const SolverReport& one : iterations.first(std::size_t(last) + 1)) {
+    all.iterations += one.iterations;
+    all.residual = std::max(all.residual, one.residual);
+  }
+  return all;
 }
 
 }  // namespace pointfair

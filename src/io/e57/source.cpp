@@ -2,6 +2,7 @@
 #include "io/e57/source.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstring>
 #include <limits>
