@@ -104,7 +104,8 @@ void run(RunArguments arguments, std::stop_token stop) {
   arguments.outlier_action = take_outlier_action(arguments.params);
   findings.asked = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
-  if (findings.asked.connectivity == Connectivity::mesh && arguments.device.device == "auto")
+  const bool reads_faces = is_of_faces(findings.asked.method) || findings.asked.method == Method::implicit;
+  if (findings.asked.connectivity == Connectivity::mesh && reads_faces && arguments.device.device == "auto")
     arguments.device.device = "cpu";  // which alone computes that
   const Device device = make_device(arguments.device);
   check_viewpoint(arguments.viewpoint);

@@ -39,7 +39,7 @@ class ForwardingBackend : public Backend, public Sampling {
   }
   void download_input(std::span<Point> points) override { to_->download_input(points); }
   bool holds_whole() const override { return to_->holds_whole(); }
-  bool follows_meshes() const override { return to_->follows_meshes(); }
+  bool reads_faces() const override { return to_->reads_faces(); }
   SolverReport solver_report(int iteration) override { return to_->solver_report(iteration); }
   Counts counts(int iteration) override { return to_->counts(iteration); }
   Costs take_costs() override { return to_->take_costs(); }

@@ -143,7 +143,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   SolverReport solver_report(int iteration) override { return sum_of(solved_, iteration); }
 
   bool holds_whole() const override { return true; }
-  bool follows_meshes() const override { return true; }
+  bool reads_faces() const override { return true; }
   Sampling& sampling() override { return *this; }
   Exactness* exactness() override { return this; }
 

@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "cpu/parallel.h"
+#include "point/mesh_ball.h"
 
 namespace pointfair::cpu {
 namespace {
@@ -17,8 +18,6 @@ namespace {
 using Key = unsigned long long;  // point::neighbor_key
 
 constexpr std::size_t kLeavesABlock = 32;
-// Of one vertex. Neighbourhoods do not lead through vertices of more: the hub of a fan is everybody's neighbour.
-constexpr std::size_t kMostEdges = kMaxNeighbors;
 
 // The edges of a mesh between sorted positions, of valid points that are not lost; each point's neighbours ascend.
 class SortedEdges {
@@ -111,7 +110,7 @@ class RingSearch {
 
   void step(std::size_t from, float squared_limit) {
     const std::span<const Index> around = edges_.of(point::key_index(reached_[from]));
-    if (from > 0 && around.size() > kMostEdges) return;
+    if (from > 0 && around.size() > point::kMostMeshEdges) return;
     for (const Index there : around) {
       if (seen_[there] == round_) continue;
       const float squared = point::squared_length(position_of(index_, there) - here_);
@@ -128,17 +127,6 @@ class RingSearch {
   std::uint32_t round_ = 0;
   std::vector<Key> reached_;
 };
-
-// What a point looks for without rings.
-struct Ball {
-  float squared_near, squared_limit, share;
-};
-Ball ball_of(const point::Radii& radii, Index at, float growth) {
-  const float own = radii.squared_radius[at], widest = own * (growth * growth);
-  if (radii.min_neighbors == 0) return {own, widest, 1};
-  const float level = radii.squared_level == nullptr ? 1.0f : radii.squared_level[at];
-  return {own, widest, point::kept_share(radii, level, own, widest)};
-}
 
 // The balls of the points of a leaf at once, since they hold mostly the same vertices: from each vertex, the lanes that
 // reached it go on to those of its neighbours that lie within their limits. Which lanes reach a vertex does not depend
@@ -192,7 +180,7 @@ class BallSearch {
       const Index at = leaf * kLeafSize + lane;
       x_[lane] = index_.x[at], y_[lane] = index_.y[at], z_[lane] = index_.z[at];  // NaN beyond the last point
       if (at >= index_.points) continue;
-      const Ball ball = ball_of(radii, at, growth);
+      const point::MeshBall ball = point::mesh_ball_of(radii, at, growth);
       squared_near_[lane] = ball.squared_near, squared_limit_[lane] = ball.squared_limit, share_[lane] = ball.share;
     }
     for (Index lane = 0; lane < kLeafSize; ++lane) {
@@ -236,7 +224,7 @@ class BallSearch {
     const std::uint16_t lanes = std::uint16_t(reached_[place].lanes & ~reached_[place].unchanged);
     reached_[place].unchanged = reached_[place].lanes;
     const std::span<const Index> around = edges_.of(at);
-    if (around.size() > kMostEdges) return;
+    if (around.size() > point::kMostMeshEdges) return;
     for (const Index there : around) enter(there, lanes);
   }
 

@@ -131,6 +131,7 @@ Counts CudaBackend::counts(int iteration) {
   const Index valid = iteration == 0 ? state.valid : first_.state().valid;
   Counts counts;
   counts.unmoved = {first_.points() - valid, state.too_few_neighbors, state.no_normal};
+  counts.unmoved.boundary = of.held_of_boundary();
   counts.short_neighborhoods = state.short_neighborhoods;
   return counts;
 }

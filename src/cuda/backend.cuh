@@ -183,7 +183,8 @@ class CudaBackend final : public Backend,
   Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};
   CollectedRoom room_{context_};
-  Chain first_{context_, room_, stop_line_, 0}, further_{context_, room_, stop_line_, kFurtherCalls};
+  MeshOnCard mesh_{context_};
+  Chain first_{context_, room_, mesh_, stop_line_, 0}, further_{context_, room_, mesh_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;         // whose results further_ holds; 0: none
   std::vector<SolverReport> solved_;  // of each iteration
   Upload upload_{context_};

@@ -11,9 +11,10 @@ constexpr std::size_t kLargeCloud = 3'000'000;  // points; random writes to all 
 
 }  // namespace
 
-Chain::Chain(Context& context, CollectedRoom& room, StopLine& stop_line, unsigned first_call)
+Chain::Chain(Context& context, CollectedRoom& room, MeshOnCard& mesh, StopLine& stop_line, unsigned first_call)
     : context_(context),
       room_(room),
+      mesh_(mesh),
       stop_line_(stop_line),
       first_call_(first_call),
       index_(context),
@@ -29,6 +30,10 @@ Chain::Chain(Context& context, CollectedRoom& room, StopLine& stop_line, unsigne
       squared_radius_(context),
       squared_growth_(context),
       collector_(context, room),
+      rings_(context),
+      mesh_tables_(context),
+      sorted_edges_(context),
+      held_(context),
       foreseen_(context),
       faired_(context) {}
 
@@ -76,6 +81,7 @@ void Chain::begin_index(const Point* points, const std::stop_token& stop) {
   areas_measured_ = normals_wait_ = false;
   forget_foreseen();
   collector_.release();
+  rings_.release();
   room_.empty();  // sorting takes memory
 }
 
@@ -116,14 +122,14 @@ void Chain::estimate_normals(const NormalSettings& settings, std::stop_token sto
   normal_settings_ = settings;
   normals_.resize(3 * index_.leaves() * kLeafSize);
   normals_wait_ = true;
-  if (neighbors_.k == 0 || settings.filter_rounds > 0) run_waiting_normals(stop);
+  if (neighbors_.k == 0 || along_mesh() || settings.filter_rounds > 0) run_waiting_normals(stop);
 }
 
 void Chain::run_waiting_normals(const std::stop_token& stop) {
   join();
   if (!normals_wait_) return;
   clear_unmoved();
-  if (neighbors_.k > 0) {
+  if (neighbors_.k > 0 && !along_mesh()) {
     cuda::estimate_normals(context_, index_.tree(), index_.state(), lists(),
                            point::normal_weights(normal_settings_.sigma), normals());
   } else {
@@ -153,6 +159,7 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   restore_neighborhoods(stop);
   fairing_settings_ = settings;
   solver_ = {};
+  held_.release();
   const int power = area_power(settings.area_weight);
   if (power > 0) {
     join();
@@ -161,7 +168,7 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   const AreaWeights areas{mean_distance_.data(), power};
   faired_.resize(index_.points());
   const auto weights = point::bilateral_weights(settings.closeness_sigma, settings.similarity_sigma);
-  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !settings.symmetric &&
+  const bool plain = settings.method == Method::bilateral && neighbors_.k > 0 && !along_mesh() && !settings.symmetric &&
                      settings.strength == 1 && settings.noise == 0 && settings.outlier_distance == 0 &&
                      !settings.along_ray;
   const bool by_parts = overlap_.can_fair();
@@ -181,12 +188,16 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
     solver_ = fair_implicitly(context_, index_.tree(), lists(), settings, faired, stop);
     return;
   }
-  if (settings.method != Method::bilateral) return fair_by_method(settings, areas, faired, stop);
+  if (settings.method != Method::bilateral) {
+    fair_by_method(settings, areas, faired, stop);
+    return keep_boundary(settings);
+  }
   if (!plain) {
     run_waiting_normals(stop);
     fair_widely(context_, index_.tree(), grown_surroundings(stop_), normals(), areas, settings,
                 sensors(settings.sensors), {squared_levels(), settings.is_further ? further_shares() : nullptr},
                 faired);
+    keep_boundary(settings);
   } else if (normals_wait_) {
     clear_unmoved();
     normals_wait_ = false;
@@ -195,6 +206,23 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
   } else {
     cuda::fair(context_, index_.tree(), lists(), normals(), areas, weights, faired);
   }
+}
+
+void Chain::keep_boundary(const FairingSettings& settings) {
+  if (!settings.kept_boundary) return;
+  held_.resize(1);
+  check(cudaMemsetAsync(held_.data(), 0, sizeof(unsigned long long), context_.stream()), "keeping the boundary");
+  cuda::keep_boundary(context_, index_.tree(), mesh_.of(settings.kept_boundary), normals(), faired_.data(),
+                      held_.data());
+}
+
+std::uint64_t Chain::held_of_boundary() {
+  if (held_.size() == 0) return 0;
+  unsigned long long held = 0;
+  check(cudaMemcpyAsync(&held, held_.data(), sizeof(held), cudaMemcpyDeviceToHost, context_.stream()),
+        "reading counts");
+  context_.finish();
+  return held;
 }
 
 // Normals, too. In spatial order a part's points go to places near each other, so nothing is staged.

@@ -4,8 +4,9 @@
 // paper's stages over lists follow each other part by part (part_flow.cuh); all else waits for all parts.
 // Memory, bytes a point: index 17, lists 4 k, normals 12, faired positions 12; mean distances 4 once an area weight is
 // asked for; radii instead of lists 4, 4 more where the noise is followed and 4 where the reach differs, and what the
-// collector takes, up to kLargestCollection, from a room that chains share; while neighbours are found, 4, and with the
-// constraint 4 more for each of k candidates; while a large cloud is faired, 20, and what the method implicit takes.
+// collector takes, up to kLargestCollection, from a room that chains share; along a mesh about 44, and what its lists
+// or parts take; while neighbours are found, 4, and with the constraint 4 more for each of k candidates; while a large
+// cloud is faired, 20, and what the method implicit takes.
 #pragma once
 
 #include <limits>
@@ -18,6 +19,7 @@
 #include "cuda/sampling/samples.cuh"
 #include "cuda/search/search.cuh"
 #include "cuda/stages/list_stages.cuh"
+#include "cuda/stages/mesh_neighbors.cuh"
 #include "cuda/stages/outcomes.cuh"
 #include "cuda/stages/wide_stages.cuh"
 #include "seam/backend.hpp"
@@ -29,7 +31,7 @@ class Chain {
  public:
   // Stage calls listen to `stop_line` under the numbers of their stages, `first_call` added. Chains that share `room`
   // read neighbourhoods one after the other.
-  Chain(Context& context, CollectedRoom& room, StopLine& stop_line, unsigned first_call);
+  Chain(Context& context, CollectedRoom& room, MeshOnCard& mesh, StopLine& stop_line, unsigned first_call);
   Chain(const Chain&) = delete;
   Chain& operator=(const Chain&) = delete;
 
@@ -43,6 +45,7 @@ class Chain {
   void estimate_normals(const NormalSettings& settings, std::stop_token stop);
   void fair(const FairingSettings& settings, std::stop_token stop);
 
+  std::uint64_t held_of_boundary();                              // waits for all work
   const SolverReport& solver_report() const { return solver_; }  // of the last fair() by Method::implicit
 
   bool normals_wait() const { return normals_wait_; }
@@ -94,7 +97,13 @@ class Chain {
   void measure_areas();
   void clear(std::size_t first, std::size_t end);  // bytes of the state
   void clear_unmoved();
-  Lists lists() const { return {neighbors_.k, lists_.data()}; }
+  Lists lists() const {
+    if (neighbors_.mesh && neighbors_.k > 0) return {neighbors_.k, rings_.entries(), rings_.of_leaves()};
+    return {neighbors_.k, lists_.data()};
+  }
+  bool along_mesh() const { return neighbors_.mesh != nullptr; }
+  void collect();
+  void keep_boundary(const FairingSettings& settings);
   void measure_levels();
   const float* squared_levels() const {
     return neighbors_.levels || index_.tree().settings != nullptr ? squared_level_.data() : nullptr;
@@ -123,13 +132,16 @@ class Chain {
             nullptr,
             squared_widest(neighbors_)};
   }
-  Surroundings surroundings(const Stop& stop = {}) const { return {lists(), radii(), collector_.collected(), stop}; }
+  Surroundings surroundings(const Stop& stop = {}) const {
+    return {lists(), radii(), collector_.collected(), stop, along_mesh() && neighbors_.k == 0};
+  }
   bool radii_grow() const { return pointfair::radii_grow(neighbors_, normal_settings_); }
   Surroundings grown_surroundings(const Stop& stop = {}) const;  // of the bilateral step
   Normals normals() const;
   bool is_further() const { return first_call_ > 0; }
   Context& context_;
   CollectedRoom& room_;
+  MeshOnCard& mesh_;
   StopLine& stop_line_;
   const unsigned first_call_;
   Stop stop_;    // of the last stage call
@@ -153,6 +165,10 @@ class Chain {
   DeviceArray<float> squared_radius_;  // without lists, as is
   DeviceArray<float> squared_growth_;  // of those, where those of flat places grow
   NeighborCollector collector_;
+  RingLists rings_;  // in place of lists, along a mesh
+  MeshTables mesh_tables_;
+  SortedEdges sorted_edges_;
+  DeviceArray<unsigned long long> held_;  // of the boundary, where it keeps its place
   bool areas_measured_ = false;
   DeviceArray<Index> foreseen_;  // the nearest points of each, so many
   int foreseen_count_ = 0;

@@ -15,7 +15,7 @@ constexpr std::size_t kMostForeseen = 1 << 22;    // points: beyond, more neighb
 }  // namespace
 
 void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std::stop_token stop) {
-  const bool by_parts = overlap_.can_search(settings);
+  const bool by_parts = !settings.mesh && overlap_.can_search(settings);
   if (!by_parts) join();
   begin_stage(Stage::neighbors, stop);
   neighbors_ = settings;
@@ -26,13 +26,20 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
   normals_wait_ = false;
   measure_levels();
   collector_.release();
+  rings_.release();
   if (settings.k == 0) {
     room_.empty();
     measure_radii(stop);
-    collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
+    collect();
     return throw_if_stopped(stop);  // it has waited
   }
   forget_foreseen();
+  if (settings.mesh) {
+    lists_.release();
+    rings_.find(mesh_tables_, index_.tree(), sorted_edges_.find(index_.tree(), mesh_.of(settings.mesh)), settings.rings,
+                nearest_query().squared_limit, stop_);
+    return throw_if_stopped(stop);
+  }
   lists_.resize(index_.leaves() * kLeafSize * settings.k);
   if (settings.constraint) return grow_constrained(stop);
   if (by_parts) return overlap_.search(nearest_query(), lists_.data(), arriving, stop);
@@ -42,9 +49,19 @@ void Chain::find_neighbors(const NeighborSettings& settings, bool arriving, std:
 
 void Chain::restore_neighborhoods(const std::stop_token& stop) {
   if (!collector_.is_aside()) return;
-  collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
+  collect();
   if (stop.stop_requested()) collector_.set_aside();  // some may be missing
   throw_if_stopped(stop);
+}
+
+// What lies within the radii, in the memory that chains share.
+void Chain::collect() {
+  if (!along_mesh()) return collector_.collect(index_.tree(), radii(), index_.points() * kLargestCollection, stop_);
+  const SortedEdgesView edges = sorted_edges_.find(index_.tree(), mesh_.of(neighbors_.mesh));
+  const bool has_room = collector_.collect(index_.tree(), ~std::size_t{0}, [&](const PartsRoom& room) {
+    find_balls(context_, mesh_tables_, index_.tree(), edges, radii(), neighbors_.mesh_growth, room, stop_);
+  });
+  if (!has_room) throw Error(ErrorKind::memory, "no memory of the card is left for neighbourhoods along the mesh");
 }
 
 void Chain::measure_radii(const std::stop_token& stop) {
@@ -131,7 +148,8 @@ void Chain::measure_areas() {
   if (areas_measured_) return;
   const std::size_t places = index_.leaves() * kLeafSize;
   mean_distance_.resize(places);
-  const bool listed = neighbors_.k >= point::kAreaNeighbors && neighbors_.radius == 0 && !neighbors_.constraint;
+  const bool listed =
+      neighbors_.k >= point::kAreaNeighbors && neighbors_.radius == 0 && !neighbors_.constraint && !along_mesh();
   if (listed) {
     measure_mean_distances(context_, index_.tree(), lists(), mean_distance_.data());
   } else {

@@ -118,13 +118,13 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   if (needed.estimates.spacing) found.spacing = *cloud.spacing;
   if (needed.estimates.noise) found = {found.spacing, noise(), levels(), cloud.reach_levels};
   Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
-  if (used.params.connectivity == Connectivity::mesh && !cloud.backend().follows_meshes())
-    throw Error(ErrorKind::usage,
-                "mesh connectivity runs on the CPU, with the whole cloud in memory: add --device cpu");
   if (needs_whole_cloud(used.params) && !cloud.backend().holds_whole())
     throw Error(ErrorKind::usage,
-                "--method implicit needs the whole cloud in the memory of one card, and this one lies on several or in "
-                "tiles: add --device cpu");
+                "mesh connectivity and --method implicit need the whole cloud in the memory of one card, and this one "
+                "lies on several or in tiles: add --device cpu");
+  if (reads_faces(used.params) && !cloud.backend().reads_faces())
+    throw Error(ErrorKind::usage,
+                "--method fleishman, jones and implicit run along a mesh on the CPU: add --device cpu");
   return used;
 }
 

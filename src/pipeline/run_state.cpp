@@ -124,6 +124,8 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   const Params asked = with_mesh_values(params, order_for(params), stop);
   const Resolved resolved = resolve_once(asked, stop);
   const Params& used = resolved.params;
+  if (used.connectivity == Connectivity::mesh && to.on_host.size() != to.room)
+    throw Error(ErrorKind::usage, "mesh connectivity gives its result in host memory: give an output there");
   last_order_ = order_for(asked);
   followed = resolved.followed;
   Settings settings = settings_of(resolved, known_sensor(used, stop));

@@ -93,10 +93,11 @@ class Backend {
   // After Error(interrupted): the first stage that was given up after its call had returned, if any.
   virtual std::optional<StageOf> take_stopped() { return std::nullopt; }
 
-  // Whether its stages see all points at once, as Method::implicit does.
+  // Whether its stages see all points at once, as along a mesh (NeighborSettings::mesh, FairingSettings::kept_boundary)
+  // and for Method::implicit.
   virtual bool holds_whole() const { return false; }
-  // Whether it reads NeighborSettings::mesh, FairingSettings::kept_boundary and faces.
-  virtual bool follows_meshes() const { return false; }
+  // Whether it reads NormalSettings::faces and FairingSettings::faces.
+  virtual bool reads_faces() const { return false; }
 
   virtual Sampling& sampling() = 0;
   virtual Exactness* exactness() { return nullptr; }         // null: cannot compute tiles

@@ -38,7 +38,7 @@ MORE_WORDS = {
 ALONG_MESH = {"mesh": [], "mesh_rings": ["--rings", "2"], **{f"mesh_{method}": ["--method", method] for method in
               ["laplacian", "taubin", "hc-laplacian", "mollified", "implicit", "fleishman", "jones"]}}
 NOT_IN_TILES = {"learned", "implicit", "normals", "noise", "las", "e57", *ALONG_MESH}  # refused there
-NOT_ON_CARDS = {*ALONG_MESH}  # likewise
+NOT_ON_CARDS = {"mesh_implicit", "mesh_fleishman", "mesh_jones"}  # likewise
 RAY = {"ray": ["--along", "ray", "--viewpoint", "0,0,0"]}
 OUTPUT = {"las": "las", "e57": "e57", "normals": "ply", "noise": "ply"}
 

@@ -11,13 +11,6 @@ constexpr int kWarps = kBlock / kWarp;
 constexpr double kExpectedParts = 24;  // of a leaf; the first guess
 constexpr double kMoreParts = 1.125;   // of those that were wanted the time before
 
-struct Room {
-  NeighborPart* parts;
-  Index *next, *first;
-  Index* count;  // of parts that are wanted, also beyond the capacity
-  Index capacity;
-};
-
 // Points that wait for a group, the first in first. Lanes of a group know the same counts.
 class WaitingPoints {
  public:
@@ -59,8 +52,8 @@ class Collection {
     unsigned slot_of[kWarp];           // of the leaf's points among these, kWarp where they are not
     Index kept[kGroups][2 * kWarp];
   };
-  __device__ __forceinline__ Collection(const Tree& tree, const Room& room, const Reach& reach, Index at, bool active,
-                                        Shared& shared)
+  __device__ __forceinline__ Collection(const Tree& tree, const PartsRoom& room, const Reach& reach, Index at,
+                                        bool active, Shared& shared)
       : tree_(tree),
         room_(room),
         reach_(reach),
@@ -203,7 +196,7 @@ class Collection {
   }
 
   const Tree& tree_;
-  const Room& room_;
+  const PartsRoom& room_;
   const Reach& reach_;
   Index at_;
   Vec here_;
@@ -219,7 +212,7 @@ class Collection {
 };
 
 __global__ void __launch_bounds__(kBlock)
-    collect_neighbors(const __grid_constant__ Tree tree, point::Radii radii, const __grid_constant__ Room room,
+    collect_neighbors(const __grid_constant__ Tree tree, point::Radii radii, const __grid_constant__ PartsRoom room,
                       const __grid_constant__ Stop stop) {
   const std::size_t at = std::size_t(blockIdx.x) * kBlock + threadIdx.x;  // whole leaves, so whole warps
   if (at >= std::size_t(tree.leaves) * kLeafSize) return;
@@ -272,11 +265,10 @@ void NeighborCollector::set_aside() {
   is_aside_ = was_there;
 }
 
-std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, const Stop& stop) {
+std::size_t NeighborCollector::run(const std::function<void(const PartsRoom&)>& launch) {
   check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing neighbourhoods");
   const Index capacity = static_cast<Index>(std::min<std::size_t>(room_.parts_.size(), point::kNoNeighbor));
-  collect_neighbors<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(
-      tree, radii, {room_.parts_.data(), room_.next_.data(), first_.data(), count_.data(), capacity}, stop);
+  launch({room_.parts_.data(), room_.next_.data(), first_.data(), count_.data(), capacity});
   check(cudaGetLastError(), "collecting neighbourhoods");
   Index count = 0;
   check(cudaMemcpyAsync(&count, count_.data(), sizeof(count), cudaMemcpyDeviceToHost, context_.stream()),
@@ -286,20 +278,31 @@ std::size_t NeighborCollector::run(const Tree& tree, const point::Radii& radii, 
 }
 
 void NeighborCollector::collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop) {
+  collect(tree, largest, [&](const PartsRoom& room) {
+    collect_neighbors<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context_.stream()>>>(tree, radii, room, stop);
+  });
+}
+
+bool NeighborCollector::collect(const Tree& tree, std::size_t largest,
+                                const std::function<void(const PartsRoom&)>& launch) {
   release();
   room_.empty();
   room_.holder_ = this;
   first_.resize(std::max<std::size_t>(tree.leaves, 1) * kGroups);
   count_.resize(1);
   const std::size_t most = largest / (sizeof(NeighborPart) + sizeof(Index));
-  if (!room_.make(std::min(most, std::size_t(parts_of_leaf_ * double(tree.leaves)) + kGroups))) return release();
-  const std::size_t wanted = run(tree, radii, stop);
+  const auto fall_back = [&] {
+    release();
+    return false;
+  };
+  if (!room_.make(std::min(most, std::size_t(parts_of_leaf_ * double(tree.leaves)) + kGroups))) return fall_back();
+  const std::size_t wanted = run(launch);
   if (wanted > room_.parts_.size()) {
-    if (wanted > most || !room_.make(wanted)) return release();
-    run(tree, radii, stop);
+    if (wanted > most || !room_.make(wanted)) return fall_back();
+    run(launch);
   }
   if (tree.leaves > 0) parts_of_leaf_ = kMoreParts * double(wanted) / double(tree.leaves);
-  complete_ = true;
+  return complete_ = true;
 }
 
 }  // namespace pointfair::cuda

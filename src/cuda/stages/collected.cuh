@@ -2,6 +2,8 @@
 // The radius neighbourhoods of each group of eight points, found once and read by every sum over them that follows.
 #pragma once
 
+#include <functional>
+
 #include "cuda/index/tree.cuh"
 #include "cuda/runtime/memory.cuh"
 #include "cuda/runtime/stop.cuh"
@@ -27,6 +29,14 @@ struct CollectedNeighbors {
   const NeighborPart* parts;
   const Index* next;   // of each part, kNoNeighbor behind the last
   const Index* first;  // of each group, kNoNeighbor if its neighbourhoods are empty
+};
+
+// Where the parts of all groups go.
+struct PartsRoom {
+  NeighborPart* parts;
+  Index *next, *first;
+  Index* count;  // of parts that are wanted, also beyond the capacity
+  Index capacity;
 };
 
 class NeighborCollector;
@@ -56,6 +66,8 @@ class NeighborCollector {
 
   // Waits for the card. Falls back to no parts at all if they would take more than `largest` bytes, or memory is short.
   void collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop);
+  // The same of parts that `launch` writes; false where it falls back.
+  bool collect(const Tree& tree, std::size_t largest, const std::function<void(const PartsRoom&)>& launch);
   CollectedNeighbors collected() const;
   // Forgets what it holds.
   void release();
@@ -64,7 +76,7 @@ class NeighborCollector {
   bool is_aside() const { return is_aside_; }
 
  private:
-  std::size_t run(const Tree& tree, const point::Radii& radii, const Stop& stop);
+  std::size_t run(const std::function<void(const PartsRoom&)>& launch);
 
   Context& context_;
   CollectedRoom& room_;

@@ -18,6 +18,7 @@ struct Surroundings {
   point::Radii radii;
   CollectedNeighbors collected;
   Stop stop;
+  bool along_mesh = false;  // collected are balls along a mesh, which hold what may lie within grown radii
 };
 
 class Listed {
@@ -28,7 +29,10 @@ class Listed {
   using Count = int;
   struct Shared {};
   __device__ __forceinline__ Listed(const Tree& tree, const Surroundings& from, Index at, bool, Shared&)
-      : points_(tree.points), list_(from.lists.of(at)), k_(from.lists.k), here_(position_of(tree.points[at])) {}
+      : points_(tree.points),
+        list_(from.lists.list_of(at)),
+        k_(from.lists.length_of(at)),
+        here_(position_of(tree.points[at])) {}
 
   template <class Load, class Visit>
   __device__ __forceinline__ void operator()(Load load, Visit visit) const {
@@ -206,8 +210,10 @@ class WalkedRadius {
   Shared& shared_;
 };
 
-// The warp reads the parts of its groups, one of each at a time.
-class CollectedRadius {
+// The warp reads the parts of its groups, one of each at a time. Parts of balls along a mesh hold more than what lies
+// within the radius, and not all that does.
+template <bool kBalls>
+class CollectedParts {
  public:
   using Number = float;
   using Kernel = point::CompactGaussian;
@@ -217,8 +223,8 @@ class CollectedRadius {
     // of each group, with one unused, so that those of different groups lie in different banks
     float4 place[kGroups][kWarp + 1], loaded[kGroups][kWarp + 1];
   };
-  __device__ __forceinline__ CollectedRadius(const Tree& tree, const Surroundings& from, Index at, bool active,
-                                             Shared& shared)
+  __device__ __forceinline__ CollectedParts(const Tree& tree, const Surroundings& from, Index at, bool active,
+                                            Shared& shared)
       : from_(from),
         points_(tree.points),
         collected_(from.collected),
@@ -227,6 +233,9 @@ class CollectedRadius {
         here_(position_of(tree.points[at])),
         shared_(shared) {
     squared_radius_ = active ? from.radii.squared_radius[at] : -1.0f;
+    if constexpr (kBalls)
+      if (active && from.radii.squared_growth != nullptr)
+        squared_radius_ = squared_radius_ * from.radii.squared_growth[at];
   }
 
   template <class Load, class Visit>
@@ -267,10 +276,12 @@ class CollectedRadius {
 #pragma unroll
         for (int i = 0; i < kGroup; ++i) {
           const Vec offset = position_of(places[i]) - here_;
+          bool is_inside = (bits >> i & 1u) != 0;
+          if constexpr (kBalls) is_inside = is_inside && point::squared_length(offset) <= squared_radius_;
           if constexpr (kLoads) {
-            visit(offset, values[i].value, (bits >> i & 1u) != 0);
+            visit(offset, values[i].value, is_inside);
           } else {
-            visit(offset, Loaded{}, (bits >> i & 1u) != 0);
+            visit(offset, Loaded{}, is_inside);
           }
         }
       }
@@ -281,6 +292,7 @@ class CollectedRadius {
   __device__ __forceinline__ float squared_radius() const { return squared_radius_; }
   __device__ __forceinline__ float squared_core() const { return point::squared_core(squared_radius_); }
   __device__ __forceinline__ float squared_horizon() const {
+    if constexpr (kBalls) return 0;
     const point::Radii& radii = from_.radii;
     if (radii.min_neighbors == 0) return squared_radius_;
     const float level = value_or_one(radii.squared_level, at_);
@@ -302,6 +314,9 @@ class CollectedRadius {
   float squared_radius_;
 };
 
+using CollectedRadius = CollectedParts<false>;
+using MeshBalls = CollectedParts<true>;
+
 // Calls launch(way) with the way to the neighbours that `surroundings` have, by its type; for_radius() where they are
 // no lists.
 template <class Way>
@@ -310,7 +325,9 @@ struct By {
 };
 template <class Launch>
 void for_radius(const Surroundings& surroundings, Launch launch) {
-  if (surroundings.collected.parts != nullptr) {
+  if (surroundings.along_mesh) {
+    launch(By<MeshBalls>{});
+  } else if (surroundings.collected.parts != nullptr) {
     launch(By<CollectedRadius>{});
   } else {
     launch(By<WalkedRadius>{});

@@ -168,7 +168,8 @@ void launch_fairing(Context& context, const Tree& tree, const Surroundings& surr
     fair_points<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
         tree, surroundings, leaves, normals, areas, fairing, sensors, levels, faired);
   };
-  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr) {
+  if (surroundings.collected.parts != nullptr && surroundings.radii.squared_growth != nullptr &&
+      !surroundings.along_mesh) {
     launch(By<CollectedRadius>{}, Leaves::others);
     launch(By<WalkedRadius>{}, Leaves::grown);
   } else if constexpr (std::is_same_v<FairingOf, OfItsCloud>) {
