@@ -124,6 +124,8 @@ class Solver {
 
   SolverReport solve(const std::stop_token& stop) {
     const cudaStream_t stream = context_.stream();
+    // the host copies every byte
+    check(cudaMemsetAsync(state_.data(), 0, sizeof(SolverState), stream), "solving for all points");
     start<<<blocks_, kSumThreads, 0, stream>>>(tree_, rows_, points_, sums_.data());
     note_start<<<1, kSumThreads, 0, stream>>>(sums_.data(), blocks_, state_.data());
     do {
