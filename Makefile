@@ -15,7 +15,7 @@ endif
 FUZZ_SECONDS ?= 60
 FUZZ_TARGETS = $(notdir $(wildcard build/fuzz/bin/fuzz_*))
 
-.PHONY: help demo build test walks wheel wheels wheel-sources golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
+.PHONY: help demo build test walks wheel wheels wheel-sources golden-aarch64 golden-windows golden-wheel golden-windows-wheel test-windows test-aarch64 test-archive wasm site test-site test-integrations golden bench quality bench-laz bench-viewer bench-implicit train-net paper-tables figures gallery estimates gpu release source recipes deb fuzz format docs asan tsan clean install
 
 help:
 	@echo "make build    the program, build/bin/pointfair"
@@ -29,6 +29,7 @@ help:
 	@echo "make test-aarch64  the tests of the command line with that program, in qemu"
 	@echo "make golden-windows  the same for the program of windows-x86_64, in wine"
 	@echo "make test-windows  the tests of the command line with that program, in wine"
+	@echo "make test-archive  the archive of dist for this system, unpacked: its program passes the tests of the command line"
 	@echo "make golden-wheel  the wheel of dist for this system, installed alone: its module and its program give the known bytes"
 	@echo "make golden-windows-wheel  the module of the wheel for Windows gives the known bytes in wine, in CPython for Windows"
 	@echo "make source   the source archive with the viewer's page, in dist, from which packages are made"
@@ -114,6 +115,13 @@ golden-windows:
 test-windows:
 	@command -v wine > /dev/null || { echo "install wine first"; exit 1; }
 	tests/cli/emulated.py wine build/wheels/windows-x86_64/prefix/bin/pointfair.exe
+
+# the names of archives: linux-x86_64, linux-aarch64, macos-arm64
+system := $(patsubst Linux,linux,$(patsubst Darwin,macos,$(shell uname -s)))-$(shell uname -m)
+test-archive:
+	rm -rf build/archive && mkdir -p build/archive
+	tar -xzf dist/pointfair-*-$(system).tar.gz -C build/archive
+	tests/cli/emulated.py here build/archive/*/bin/pointfair
 
 golden-wheel:
 	tests/golden/wheel.py dist

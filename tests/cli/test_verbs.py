@@ -162,6 +162,15 @@ class Run(Case):
         self.assertEqual(piped.stdout, self.path("out.ply").read_bytes())
         self.assertEqual(piped.stderr, b"")
 
+    def test_names_outside_ascii_are_read_written_and_told(self):
+        folder = self.path("größe 点")
+        folder.mkdir()
+        source = write_ply(folder / "entrée.ply", sphere_points(500, 0.01))
+        self.ok("run", source, folder / "résultat.ply", "-q")
+        self.assertEqual(len(read_ply(folder / "résultat.ply")), 500)
+        self.fails(3, "run", folder / "нет.ply", self.path("out.ply"), says="größe 点/нет.ply")
+        self.assertEqual(sorted(entry.name for entry in folder.iterdir()), ["entrée.ply", "résultat.ply"])
+
     def test_output_format_and_encoding(self):
         write_ply(self.path("in.ply"), sphere_points(30, 0.01))
         self.ok("run", self.path("in.ply"), self.path("big.ply"), "--encoding", "binary-big-endian")
