@@ -104,9 +104,7 @@ void run(RunArguments arguments, std::stop_token stop) {
   arguments.outlier_action = take_outlier_action(arguments.params);
   findings.asked = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
-  const bool reads_faces = is_of_faces(findings.asked.method) || findings.asked.method == Method::implicit;
-  if (findings.asked.connectivity == Connectivity::mesh && reads_faces && arguments.device.device == "auto")
-    arguments.device.device = "cpu";  // which alone computes that
+  if (reads_faces(findings.asked) && arguments.device.device == "auto") arguments.device.device = "cpu";
   const Device device = make_device(arguments.device);
   check_viewpoint(arguments.viewpoint);
   check_orient(arguments);

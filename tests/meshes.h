@@ -137,6 +137,15 @@ struct Result {
   Report report;
 };
 
+// Along the mesh, and nothing afterwards.
+inline Params along_mesh(Method method = Method::bilateral) {
+  Params params;
+  params.connectivity = Connectivity::mesh;
+  params.method = method;
+  params.tangential = 0;
+  return params;
+}
+
 inline bool has_card() {
   static const bool result = [] {
     const std::vector<DeviceStatus> all = list_devices();
@@ -160,9 +169,7 @@ inline Result run_on(const Device& device, const Mesh& mesh, const Params& param
 // On the CPU, and where there is a card on that, with the same bits.
 inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
   const Result result = run_on(Device(Device::cpu, 0, threads), mesh, params);
-  const bool reads_faces =
-      params.connectivity == Connectivity::mesh && (is_of_faces(params.method) || params.method == Method::implicit);
-  if (!has_card() || reads_faces) return result;
+  if (!has_card() || reads_faces(params)) return result;
   const Result of_card = run_on(Device::cuda, mesh, params);
   EXPECT_TRUE(shapes::same_bits(of_card.points, result.points)) << "on a card";
   EXPECT_EQ(of_card.report.unmoved, result.report.unmoved) << "on a card";

@@ -14,6 +14,7 @@
 namespace pointfair {
 namespace {
 
+using meshes::along_mesh;
 using meshes::Mesh;
 using meshes::Sides;
 
@@ -41,14 +42,6 @@ Mesh torus(std::size_t vertices, double noise) {
       mesh.faces.push_back({i * m + j, right * m + up, i * m + up});
     }
   return mesh;
-}
-
-Params along_mesh(Method method = Method::bilateral) {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = method;
-  params.tangential = 0;
-  return params;
 }
 
 // What runs on the card, here compared with the CPU.

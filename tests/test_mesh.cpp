@@ -17,21 +17,13 @@
 namespace pointfair {
 namespace {
 
+using meshes::along_mesh;
 using meshes::Face;
 using meshes::Mesh;
 using meshes::Result;
 using meshes::Sides;
 using reference::Vec;
 using shapes::Points, shapes::same_bits;
-
-// Along the mesh, and nothing afterwards.
-Params along_mesh(Method method = Method::bilateral) {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = method;
-  params.tangential = 0;
-  return params;
-}
 
 Mesh hill(int n, Sides sides, double noise = 0.15) {
   Mesh mesh = meshes::sheet(n, sides);

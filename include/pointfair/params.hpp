@@ -254,6 +254,11 @@ constexpr bool needs_whole_cloud(const Params& params) {
   return params.connectivity == Connectivity::mesh || params.method == Method::implicit;
 }
 
+/// Whether a run reads the faces themselves, and not only their edges: such a run computes on the CPU.
+constexpr bool reads_faces(const Params& params) {
+  return params.connectivity == Connectivity::mesh && (is_of_faces(params.method) || params.method == Method::implicit);
+}
+
 /// Throws ErrorKind::usage if a value is out of its range or if two contradict each other.
 POINTFAIR_EXPORT void check_params(const Params& params);
 

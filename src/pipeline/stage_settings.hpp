@@ -23,11 +23,6 @@ Settings settings_of(const Resolved& used, const KnownSensor& sensor = {});
 // nearest neighbours are known.
 bool seeks_mixed_pixels(const Params& params);
 
-// Whether stages read faces, and not edges alone.
-constexpr bool reads_faces(const Params& params) {
-  return params.connectivity == Connectivity::mesh && (is_of_faces(params.method) || params.method == Method::implicit);
-}
-
 // Of the index that a run reads. Sums within radii, and those of method implicit, run along the curve.
 IndexOrder order_for(const Params& params);
 
