@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import path from "node:path";
 import test from "node:test";
 import { canvas } from "./looks.mjs";
-import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, run, settled, temporaryFolder, view, withModels } from "./program.mjs";
+import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, run, settled, temporaryFolder, updates, view, withModels } from "./program.mjs";
 
 const models = withModels();
 
@@ -129,7 +129,7 @@ test("a long run says how far it is, is stopped, and the next is sound", models,
   await page.getByRole("button", { name: "Stop" }).click();
   await page.locator(".toast", { hasText: "Stopped" }).waitFor();
   await page.locator(".status progress").waitFor({ state: "hidden" });
-  assert.equal(await entry(page, "iterations").inputValue(), "1"); // the result that is shown has one
+  await page.waitForFunction((name) => document.querySelector(`[data-param="${name}"] input.entry`).value === "1", "iterations"); // as the shown result
   await entry(page, "iterations").fill("2");
   await page.keyboard.press("Enter");
   await settled(page);
@@ -137,6 +137,41 @@ test("a long run says how far it is, is stopped, and the next is sound", models,
   assert.match(await page.locator("#total").textContent(), /[\d.]+ ms run, [\d.]+ ms answer/);
   assert.match(await page.locator("#rate").textContent(), /M points\/s/);
   assert.match(await page.locator(".status .device").textContent(), /^(cpu|cuda) · ./);
+  assert.deepEqual(faults, []);
+});
+
+const headOf = (frame) => JSON.parse(frame.subarray(4, 4 + frame.readUInt32LE(0)).toString());
+
+test("a result that comes when newer parameters have been asked for is known by its own", models, async (t) => {
+  const { url } = await view(t, [noisyArmadillo(temporaryFolder(t), 3000, kModels), "--port", 0]);
+  const held = []; // results of the second run on
+  const hold = (socket) => {
+    const server = socket.connectToServer();
+    server.onMessage((frame) => {
+      const head = headOf(frame);
+      if (head.type !== "result" || head.id === 1) return socket.send(frame);
+      held.push(() => socket.send(frame));
+    });
+  };
+  const { page, context, faults } = await openPage(t, await openBrowser(t), url, {}, (before) => before.routeWebSocket(/session/, hold));
+  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
+  await settled(page);
+  for (const [i, k] of ["30", "40"].entries()) {
+    await entry(page, "k").fill(k);
+    await page.keyboard.press("Enter");
+    for (let wait = 0; held.length <= i && wait < 2400; ++wait) await page.waitForTimeout(50);
+  }
+  assert.equal(held.length, 2);
+  const before = await updates(page);
+  held[0]();
+  await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, before);
+  await page.getByRole("button", { name: "Copy as command" }).click();
+  await page.locator(".toast", { hasText: "The run has not finished yet" }).waitFor();
+  held[1]();
+  await settled(page);
+  await page.getByRole("button", { name: "Copy as command" }).click();
+  await page.locator(".toast", { hasText: "The command is on the clipboard" }).waitFor();
+  assert.match(await page.evaluate(() => navigator.clipboard.readText()), /--k=40\b/);
   assert.deepEqual(faults, []);
 });
 

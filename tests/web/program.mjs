@@ -64,8 +64,8 @@ export async function openBrowser(t) {
   return browser;
 }
 
-/** A page at the URL. What it logs as an error, or asks of another address, makes the test fail. */
-export async function openPage(t, browser, url, options = {}) {
+/** A page at the URL, which prepare(page) sees first. What it logs as an error, or asks of another address, makes the test fail. */
+export async function openPage(t, browser, url, options = {}, prepare = async () => {}) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, acceptDownloads: true, ...options });
   context.setDefaultTimeout(120000); // for what never comes; how long things take is measured by bench/viewer_page.mjs
   const page = await context.newPage();
@@ -77,6 +77,7 @@ export async function openPage(t, browser, url, options = {}) {
     if (!["blob:", "data:"].includes(asked.protocol) && asked.host !== new URL(url).host) faults.push(`asks for ${asked}`);
   });
   t.after(() => context.close());
+  await prepare(page);
   await page.goto(url);
   return { page, faults, context };
 }

@@ -29,6 +29,7 @@ export class Connection {
   private answered = true;
   private sent = 0;
   private timer = 0;
+  private readonly runs = new Map<number, Asked>(); // by id, from the one with the newest result on
   lastRun = 0; // id of the newest run asked for
 
   constructor(
@@ -53,6 +54,11 @@ export class Connection {
   run(asked: Asked): void {
     this.waiting = asked;
     this.flush();
+  }
+
+  /** What a run was asked with, by its id: a result may come when newer parameters have been asked for. */
+  askedBy(id: number): Asked | undefined {
+    return this.runs.get(id);
   }
 
   /** True from asking until the whole result is here. */
@@ -87,6 +93,7 @@ export class Connection {
     const ends = head.type === "result" || head.type === "error" || head.type === "cancelled";
     if ((head.type === "preview" && !head.more) || ends) this.answered = true;
     if (ends && (head.type !== "result" || head.id === this.lastRun)) this.lastDone = this.lastRun;
+    if (head.type === "result") for (const id of this.runs.keys()) if (id < head.id) this.runs.delete(id);
     if (head.type === "cloud") {
       this.answered = true;
       this.lastDone = this.lastRun;
@@ -105,6 +112,7 @@ export class Connection {
     }
     this.lastRun = this.nextId();
     this.send({ type: "run", id: this.lastRun, ...this.waiting });
+    this.runs.set(this.lastRun, this.waiting);
     this.waiting = null;
     this.answered = false;
     this.sent = performance.now();

@@ -194,11 +194,12 @@ class Page {
   }
 
   private setResult(head: Result, arrays: Message["arrays"]): void {
+    const recipe = copyRecipe(this.connection.askedBy(head.id) ?? this.asked);
     this.result = head;
-    this.shownRecipe = this.asked;
+    this.shownRecipe = recipe;
     delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
-    this.panel!.setUsed(head, this.asked);
+    this.panel!.setUsed(head, recipe);
     this.stage.showHint("");
     this.showSide();
     this.status.showResult(head, this.cloud!.points);
