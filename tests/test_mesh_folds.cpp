@@ -68,6 +68,8 @@ const ForEach one_after_the_other = [](std::size_t count, const std::function<vo
   for (std::size_t i = 0; i < count; ++i) body(i);
 };
 
+std::vector<std::uint8_t> as_bytes(const Folds& folds) { return {folds.folded().begin(), folds.folded().end()}; }
+
 // A mesh whose points all differ, and its points in the order of the vertices and back.
 struct Prepared {
   explicit Prepared(const Mesh& mesh)
@@ -75,14 +77,17 @@ struct Prepared {
         faces(vertices, meshes::polygons_of(mesh.faces), one_after_the_other),
         topology(topology_of(vertices, faces, one_after_the_other)) {}
 
-  Points places(const Points& points) const { return vertices.places(points, one_after_the_other); }
+  Points places(const Points& points) const {
+    const auto its = vertices.places(points, one_after_the_other);
+    return {its.begin(), its.end()};
+  }
   Points points(const Points& places) const {
     Points result(places.size());
     for (std::size_t v = 0; v < places.size(); ++v) result[vertices.first[v]] = places[v];
     return result;
   }
   std::vector<std::uint8_t> folded(const Points& points) const {
-    return Folds(faces, topology, places(points), one_after_the_other).folded();
+    return as_bytes(Folds(faces, topology, places(points), one_after_the_other));
   }
   Face corners(std::size_t face) const {
     Face its;
@@ -189,8 +194,8 @@ TEST(Evening, steps_of_the_rings_tell_the_noise) {
     squares(v) = moves(v) * (at(after.points, v) - at(before.points, v)).squaredNorm();
   }
   const double most = 0.1;
-  const std::vector<double> noise = noise_by_steps(prepared.faces, stays, most, prepared.places(before.points),
-                                                   prepared.places(after.points), one_after_the_other);
+  const auto noise = noise_by_steps(prepared.faces, stays, most, prepared.places(before.points),
+                                    prepared.places(after.points), one_after_the_other);
   const Eigen::VectorXd sums = paths * (paths * squares), counts = paths * (paths * moves);
   std::uint32_t bounded = 0;
   for (std::uint32_t v = 0; v < count; ++v) {
@@ -213,7 +218,7 @@ TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
   Folds folds(prepared.faces, prepared.topology, places, one_after_the_other);
   unfold(folds, at_first, prepared.places(before.points), places);
   const Points points = prepared.points(places);
-  const std::vector<std::uint8_t> left = folds.folded();
+  const std::vector<std::uint8_t> left = as_bytes(folds);
   EXPECT_EQ(left, prepared.folded(points));
   std::size_t folded = 0, whole = 0;
   for (const std::uint8_t one : prepared.folded(after.points)) folded += one;

@@ -10,6 +10,7 @@
 #include <numeric>
 
 #include "cpu/parallel.h"
+#include "platform/large_vector.hpp"
 #include "point/mesh_ball.h"
 
 namespace pointfair::cpu {
@@ -24,15 +25,18 @@ class SortedEdges {
  public:
   SortedEdges(const IndexView& index, const MeshEdges& mesh, const std::stop_token& stop)
       : begin_(std::size_t(index.points) + 1), vertex_(index.points) {
-    std::vector<Index> places(mesh.vertices(), kLost);
+    platform::LargeVector<Index> places(mesh.vertices(), kLost);
     for_all(index, stop, [&](Index at) {
       const std::uint32_t point = index.original[at];
       if (mesh.first[mesh.vertex[point]] == point) places[mesh.vertex[point]] = at;
     });
     for_all(index, stop, [&](Index at) {
       vertex_[at] = places[mesh.vertex[index.original[at]]];
-      for (const std::uint32_t there : neighbors_of(index, mesh, at)) begin_[at + 1] += places[there] != kLost;
+      std::uint64_t count = 0;
+      for (const std::uint32_t there : neighbors_of(index, mesh, at)) count += places[there] != kLost;
+      begin_[at + 1] = count;
     });
+    begin_[0] = 0;
     std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
     neighbors_.resize(begin_.back());
     for_all(index, stop, [&](Index at) {
@@ -63,8 +67,8 @@ class SortedEdges {
     return mesh.neighbors_of(mesh.vertex[index.original[at]]);
   }
 
-  std::vector<std::uint64_t> begin_;
-  std::vector<Index> neighbors_, vertex_;
+  platform::LargeVector<std::uint64_t> begin_;
+  platform::LargeVector<Index> neighbors_, vertex_;
 };
 
 // Points that are neighbours of none but lanes of one leaf, at most kMaxNeighbors of each.
@@ -78,7 +82,7 @@ void keep_nearest(const IndexView& index, std::vector<Key>& keys) {
 // The vertices around one, found along edges. Memory: 4 bytes a point.
 class RingSearch {
  public:
-  RingSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points) {}
+  RingSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points, 0) {}
 
   // Those up to `rings` edges away that lie within `squared_limit`, or with 0 rings those that paths reach which stay
   // within it: at most kMaxNeighbors, nearest first.
@@ -123,7 +127,7 @@ class RingSearch {
   const IndexView& index_;
   const SortedEdges& edges_;
   point::Vec3<float> here_{};
-  std::vector<std::uint32_t> seen_;  // the round in which a position was reached last
+  platform::LargeVector<std::uint32_t> seen_;  // the round in which a position was reached last
   std::uint32_t round_ = 0;
   std::vector<Key> reached_;
 };
@@ -133,7 +137,8 @@ class RingSearch {
 // on the order of the visits, and that order follows from the index's alone. Memory: 8 bytes a point.
 class BallSearch {
  public:
-  BallSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), marks_(index.points) {}
+  BallSearch(const IndexView& index, const SortedEdges& edges)
+      : index_(index), edges_(edges), marks_(index.points, Mark{}) {}
 
   struct Reached {
     Index at;
@@ -260,7 +265,7 @@ class BallSearch {
   const SortedEdges& edges_;
   std::array<float, kLeafSize> x_{}, y_{}, z_{};
   std::array<float, kLeafSize> squared_near_{}, squared_limit_{}, share_{};
-  std::vector<Mark> marks_;
+  platform::LargeVector<Mark> marks_;
   std::uint32_t round_ = 0;
   std::vector<Reached> reached_;
   std::vector<std::uint32_t> waiting_;

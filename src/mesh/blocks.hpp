@@ -5,11 +5,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
-#include <memory>
+#include <numeric>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "platform/large_vector.hpp"
 #include "seam/cloud_sample.hpp"
 
 namespace pointfair {
@@ -25,11 +26,43 @@ void for_mesh_blocks(std::size_t items, const ForEach& for_each, const Body& bod
            [&](std::size_t block) { body(block * kMeshBlock, std::min(items, (block + 1) * kMeshBlock), block); });
 }
 
+// How many items i are such that is(i).
+template <class Is>
+std::uint64_t count_items(std::size_t items, const ForEach& for_each, const Is& is) {
+  std::vector<std::uint64_t> counts(mesh_blocks(items));
+  for_mesh_blocks(items, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    std::uint64_t count = 0;
+    for (std::size_t i = first; i < last; ++i) count += is(i);
+    counts[block] = count;
+  });
+  return std::accumulate(counts.begin(), counts.end(), std::uint64_t{0});
+}
+
+// Calls place(i, sum of size(j) over all j < i) for each item i, and returns the sum of all.
+template <class Size, class Place>
+std::size_t place_in_order(std::size_t items, const ForEach& for_each, const Size& size, const Place& place) {
+  std::vector<std::size_t> begin(mesh_blocks(items) + 1);
+  for_mesh_blocks(items, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    std::size_t sum = 0;
+    for (std::size_t i = first; i < last; ++i) sum += size(i);
+    begin[block + 1] = sum;
+  });
+  std::partial_sum(begin.begin(), begin.end(), begin.begin());
+  for_mesh_blocks(items, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    std::size_t sum = begin[block];
+    for (std::size_t i = first; i < last; ++i) {
+      place(i, sum);
+      sum += size(i);
+    }
+  });
+  return begin.back();
+}
+
 // Items by their numbers; those of one number in the order in which they came.
 template <class Item>
 struct ByNumber {
-  std::vector<std::size_t> begin;  // of each number's; one more at the end
-  std::vector<Item> items;
+  platform::LargeVector<std::size_t> begin;  // of each number's; one more at the end
+  platform::LargeVector<Item> items;
 
   std::span<Item> of(std::size_t number) { return {items.data() + begin[number], items.data() + begin[number + 1]}; }
 };
@@ -62,15 +95,16 @@ ByNumber<Item> sort_by_number(std::size_t sources, std::size_t numbers, const Fo
   }
   range_begin[ranges] = items;
 
-  const auto dealt = std::make_unique_for_overwrite<Numbered[]>(items);  // its pages are met on all threads
+  platform::LargeVector<Numbered> dealt(items);
   for_each(parts, [&](std::size_t part) {
     std::size_t* const places = next.data() + part * ranges;
     for_part(part, [&](std::uint32_t number, const Item& item) { dealt[places[number / width]++] = {number, item}; });
   });
-  ByNumber<Item> sorted{std::vector<std::size_t>(numbers + 1, items), std::vector<Item>(items)};
+  ByNumber<Item> sorted{platform::LargeVector<std::size_t>(numbers + 1), platform::LargeVector<Item>(items)};
+  sorted.begin[numbers] = items;
   for_each(ranges, [&](std::size_t range) {
     const std::size_t first = range * width, last = std::min(numbers, first + width);
-    const std::span<const Numbered> its(dealt.get() + range_begin[range], dealt.get() + range_begin[range + 1]);
+    const std::span<const Numbered> its(dealt.data() + range_begin[range], dealt.data() + range_begin[range + 1]);
     std::vector<std::size_t> places(last - first + 1);
     for (const Numbered& one : its) ++places[one.number - first + 1];
     places[0] = range_begin[range];

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <vector>
 
 #include "mesh/blocks.hpp"
@@ -106,22 +105,22 @@ Point within_reach(Vec from, Vec to, double sigma) {
 
 }  // namespace
 
-std::vector<double> noise_by_steps(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double sigma,
-                                   std::span<const Point> input, std::span<const Point> places,
-                                   const ForEach& for_each) {
+platform::LargeVector<double> noise_by_steps(const OrderedFaces& faces, std::span<const std::uint8_t> stays,
+                                             double sigma, std::span<const Point> input, std::span<const Point> places,
+                                             const ForEach& for_each) {
   struct Steps {
-    double squares = 0, count = 0;
+    double squares, count;
     void add(const Steps& other) { squares += other.squares, count += other.count; }
   };
-  std::vector<Steps> steps(places.size()), around(places.size());
+  platform::LargeVector<Steps> steps(places.size()), around(places.size());
   const auto for_vertices = [&](const auto& body) {
     for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
       for (auto v = std::uint32_t(first); v < last; ++v) body(v);
     });
   };
   for_vertices([&](std::uint32_t v) {
-    if (stays[v] == 0 && is_indexed(places[v]))
-      steps[v] = {squared_length(place_of(places, v) - place_of(input, v)), 1};
+    const bool counts = stays[v] == 0 && is_indexed(places[v]);
+    steps[v] = counts ? Steps{squared_length(place_of(places, v) - place_of(input, v)), 1} : Steps{0, 0};
   });
   for (int ring = 0; ring < kRings; ++ring) {
     for_vertices([&](std::uint32_t v) {
@@ -131,21 +130,26 @@ std::vector<double> noise_by_steps(const OrderedFaces& faces, std::span<const st
     });
     steps.swap(around);
   }
-  std::vector<double> noise(places.size());
+  platform::LargeVector<double> noise(places.size());
   for_vertices([&](std::uint32_t v) {
-    if (steps[v].count > 0) noise[v] = std::min(sigma, kNoiseOverSteps * std::sqrt(steps[v].squares / steps[v].count));
+    noise[v] = steps[v].count > 0 ? std::min(sigma, kNoiseOverSteps * std::sqrt(steps[v].squares / steps[v].count)) : 0;
   });
   return noise;
 }
 
 void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double share,
               std::span<const double> noise, std::span<Point> places, const ForEach& for_each) {
-  const std::vector<Point> start(places.begin(), places.end());
-  std::vector<Point> before(places.size());
-  std::vector<double> across(places.size());
-  const auto moments = std::make_unique_for_overwrite<FaceMoment[]>(faces.size());  // met on all threads first
+  platform::LargeVector<Point> start(places.size()), before(places.size());
+  platform::LargeVector<double> across(places.size());
+  platform::LargeVector<FaceMoment> moments(faces.size());
+  const auto copy_places = [&](std::span<Point> to) {
+    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      std::copy_n(places.data() + first, last - first, to.data() + first);
+    });
+  };
+  copy_places(start);
   for (int round = 0; round < kRounds; ++round) {
-    std::copy(places.begin(), places.end(), before.begin());
+    copy_places(before);
     for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
       for (std::size_t f = first; f < last; ++f) moments[f] = face_moment(faces.corners(f), before);
     });
@@ -164,8 +168,8 @@ void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, do
 void untangle(Folds& folds, std::span<const std::uint8_t> stays, std::span<const double> noise,
               std::span<Point> places) {
   const OrderedFaces& faces = folds.faces();
-  const std::vector<Point> start(places.begin(), places.end());
-  std::vector<std::uint8_t> moves(places.size());
+  const platform::LargeVector<Point> start(places.begin(), places.end());
+  platform::LargeVector<std::uint8_t> moves(places.size(), 0);
   for (int round = 0; round < kMostRounds; ++round) {
     std::vector<std::uint32_t> moved;
     for (std::size_t f = 0; f < faces.size(); ++f) {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "mesh/folds.hpp"
 
@@ -13,9 +12,9 @@ namespace pointfair {
 // Of each vertex, the noise that the steps from `input` to `places` show: 1.2 times their root mean square over the two
 // rings about it, where a vertex counts once for each path of faces that leads to it and those with `stays` do not
 // count; at most sigma. A surface whose detail passes for noise is hardly moved by its method, and keeps its vertices.
-std::vector<double> noise_by_steps(const OrderedFaces& faces, std::span<const std::uint8_t> stays, double sigma,
-                                   std::span<const Point> input, std::span<const Point> places,
-                                   const ForEach& for_each);
+platform::LargeVector<double> noise_by_steps(const OrderedFaces& faces, std::span<const std::uint8_t> stays,
+                                             double sigma, std::span<const Point> input, std::span<const Point> places,
+                                             const ForEach& for_each);
 
 // In each round, all vertices at once go towards the middle of their ring, m from where they are, by the step
 //   share e (T + e I)^-1 m,   T = sum_f A_f n_f n_f^T / sum_f A_f over the faces at the vertex,

@@ -29,10 +29,13 @@ Folds::Folds(const OrderedFaces& faces, const MeshTopology& mesh, std::span<cons
   };
   for_faces([&](std::size_t f) { normals_[f] = face_normal(faces_.corners(f), places); });
   for_faces([&](std::size_t f) { once_[f] = filtered(normals_, f); });
-  for_faces([&](std::size_t f) { set_fold(f); });
+  for_faces([&](std::size_t f) {
+    set_fold(f);
+    is_stale_[f] = 0;
+  });
 }
 
-Vec Folds::filtered(const std::vector<Vec>& normals, std::size_t face) const {
+Vec Folds::filtered(std::span<const Vec> normals, std::size_t face) const {
   Vec sum = normals[face];
   for (const MeshTopology::Across& across : mesh_.across_of(faces_, face)) {
     const Vec there = normals[across.face];
@@ -66,8 +69,8 @@ void Folds::update(std::span<const Point> places, std::span<const std::uint32_t>
 void unfold(Folds& folds, std::span<const std::uint8_t> folded_before, std::span<const Point> before,
             std::span<Point> after) {
   const OrderedFaces& faces = folds.faces();
-  std::vector<std::uint8_t> halvings(after.size()), shortens(after.size());
-  const std::vector<Point> whole(after.begin(), after.end());
+  platform::LargeVector<std::uint8_t> halvings(after.size(), 0), shortens(after.size(), 0);
+  const platform::LargeVector<Point> whole(after.begin(), after.end());
   const auto shorten = [&](std::uint32_t i) {
     const std::uint8_t its = halvings[i];
     const float share = its > kMostHalvings ? 0.0f : 1.0f / float(1 << its);

@@ -20,21 +20,21 @@ class Folds {
   Folds(const OrderedFaces& faces, const MeshTopology& mesh, std::span<const Point> places, const ForEach& for_each);
 
   const OrderedFaces& faces() const { return faces_; }
-  const std::vector<std::uint8_t>& folded() const { return folded_; }
+  const platform::LargeVector<std::uint8_t>& folded() const { return folded_; }
   // What the constructor would find, once only `moved` vertices have other places.
   void update(std::span<const Point> places, std::span<const std::uint32_t> moved);
 
  private:
   using Vec = point::Vec3<double>;
-  Vec filtered(const std::vector<Vec>& normals, std::size_t face) const;
+  Vec filtered(std::span<const Vec> normals, std::size_t face) const;
   void set_fold(std::size_t face) { folded_[face] = dot(normals_[face], filtered(once_, face)) < 0; }
   void add(std::uint32_t face);
   void add_neighbors(std::size_t end);
 
   const OrderedFaces& faces_;
   const MeshTopology& mesh_;
-  std::vector<Vec> normals_, once_;  // twice the area long, and filtered once
-  std::vector<std::uint8_t> folded_, is_stale_;
+  platform::LargeVector<Vec> normals_, once_;  // twice the area long, and filtered once
+  platform::LargeVector<std::uint8_t> folded_, is_stale_;
   std::vector<std::uint32_t> stale_;
 };
 

@@ -3,8 +3,8 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <utility>
-#include <vector>
 
 #include "mesh/folds.hpp"
 #include "mesh/topology.hpp"
@@ -15,10 +15,10 @@ struct LoadedMesh {
   LoadedMesh(std::span<const Point> points, const Polygons& polygons, const ForEach& for_each)
       : LoadedMesh(points, vertices_of(points, for_each), polygons, for_each) {}
 
-  std::vector<Point> places;  // of the vertices
+  platform::LargeVector<Point> places;  // of the vertices
   OrderedFaces faces;
   MeshTopology topology;
-  std::vector<std::uint8_t> folded;  // of those faces
+  platform::LargeVector<std::uint8_t> folded;  // of those faces
 
  private:
   LoadedMesh(std::span<const Point> points, Vertices vertices, const Polygons& polygons, const ForEach& for_each)

@@ -60,9 +60,9 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
     }
   });
   faces_.ends.resize(sorted.items.size());
-  std::size_t end = 0;
-  for (std::size_t f = 0; f < faces_.ends.size(); ++f) faces_.ends[f] = end += sorted.items[f].size();
-  faces_.corners.resize(end);
+  const auto size = [&](std::size_t f) { return sorted.items[f].size(); };
+  faces_.corners.resize(place_in_order(faces_.ends.size(), for_each, size,
+                                       [&](std::size_t f, std::size_t begin) { faces_.ends[f] = begin + size(f); }));
   for_mesh_blocks(faces_.ends.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
     for (std::size_t f = first; f < last; ++f)
       std::copy(sorted.items[f].begin(), sorted.items[f].end(),

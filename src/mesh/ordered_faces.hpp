@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "mesh/vertices.hpp"
 #include "point/vec.h"
@@ -54,7 +53,7 @@ class OrderedFaces {
 
   MeshFaces faces_;
   std::uint64_t degenerate_ = 0;
-  std::vector<Beside> beside_;  // as faces_.around_faces
+  platform::LargeVector<Beside> beside_;  // as faces_.around_faces
 };
 
 }  // namespace pointfair

@@ -2,7 +2,6 @@
 #include "mesh/topology.hpp"
 
 #include <algorithm>
-#include <numeric>
 #include <string>
 #include <tuple>
 #include <utility>
@@ -57,16 +56,22 @@ class Block {
 
   void add(std::uint32_t v) {
     sides_of(v, faces_, sides_);
+    mesh_.edges.begin[v] = neighbors.size();  // until all blocks are there
+    std::uint8_t is_boundary = 0;
     for (std::size_t i = 0, end = 0; i < sides_.size(); i = end) {
       while (end < sides_.size() && sides_[end].there == sides_[i].there) ++end;
       neighbors.push_back(sides_[i].there);
-      ++mesh_.edges.begin[v + 1];
-      if (end - i == 1) mesh_.edges.is_boundary[v] = 1;
+      if (end - i == 1) is_boundary = 1;
       if (v > sides_[i].there) continue;  // each edge is met from both its ends
       counts.boundary += end - i == 1;
       counts.non_manifold += end - i > 2;
-      if (end - i == 2) join(v, sides_[i], sides_[i + 1]);
+      if (end - i == 2) {
+        join(v, sides_[i], sides_[i + 1]);
+      } else {
+        for (std::size_t side = i; side < end; ++side) mesh_.across[slot(v, sides_[side])] = {kNoFace, false};
+      }
     }
+    mesh_.edges.is_boundary[v] = is_boundary;
   }
 
   std::vector<std::uint32_t> neighbors;
@@ -108,15 +113,14 @@ void gather_across(const OrderedFaces& faces, const ForEach& for_each, MeshTopol
   });
 }
 
-void count_points(const MeshEdges& edges, MeshReport& found) {
-  std::vector<std::uint8_t> has_edges(edges.vertices());
-  for (std::size_t v = 0; v < edges.vertices(); ++v) {
-    if (edges.begin[v + 1] == edges.begin[v]) continue;
-    has_edges[v] = 1;
-    ++found.vertices;
-    found.boundary_vertices += edges.is_boundary[v];
-  }
-  for (const std::uint32_t v : edges.vertex) found.isolated_points += v == kNoVertex || has_edges[v] == 0;
+void count_points(const MeshEdges& edges, const ForEach& for_each, MeshReport& found) {
+  const auto has_edges = [&](std::size_t v) { return edges.begin[v + 1] != edges.begin[v]; };
+  found.vertices = count_items(edges.vertices(), for_each, has_edges);
+  found.boundary_vertices =
+      count_items(edges.vertices(), for_each, [&](std::size_t v) { return edges.is_boundary[v] != 0; });
+  found.isolated_points = count_items(edges.vertex.size(), for_each, [&](std::size_t point) {
+    return edges.vertex[point] == kNoVertex || !has_edges(edges.vertex[point]);
+  });
 }
 
 }  // namespace
@@ -143,18 +147,22 @@ MeshTopology topology_of(Vertices vertices, const OrderedFaces& faces, const For
   const std::size_t count = vertices.size();
   edges.vertex = std::move(vertices.of_point);
   edges.first = std::move(vertices.first);
-  edges.is_boundary.assign(count, 0);
-  edges.begin.assign(count + 1, 0);
-  mesh.across.assign(faces.faces().corners.size(), {kNoFace, false});
+  edges.is_boundary.resize(count);
+  edges.begin.resize(count + 1);
+  mesh.across.resize(faces.faces().corners.size());
   std::vector<Block> blocks(mesh_blocks(count), Block(faces, mesh));
   for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
     for (auto v = std::uint32_t(first); v < last; ++v) blocks[block].add(v);
   });
-  std::partial_sum(edges.begin.begin(), edges.begin.end(), edges.begin.begin());
-  edges.neighbors.resize(edges.begin.back());
-  for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t, std::size_t block) {
+  std::vector<std::size_t> begin(blocks.size() + 1);
+  for (std::size_t block = 0; block < blocks.size(); ++block)
+    begin[block + 1] = begin[block] + blocks[block].neighbors.size();
+  edges.begin[count] = begin.back();
+  edges.neighbors.resize(begin.back());
+  for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
     std::copy(blocks[block].neighbors.begin(), blocks[block].neighbors.end(),
-              edges.neighbors.begin() + std::ptrdiff_t(edges.begin[first]));
+              edges.neighbors.begin() + std::ptrdiff_t(begin[block]));
+    for (std::size_t v = first; v < last; ++v) edges.begin[v] += begin[block];
   });
   gather_across(faces, for_each, mesh);
 
@@ -168,7 +176,7 @@ MeshTopology topology_of(Vertices vertices, const OrderedFaces& faces, const For
     of_one_way += block.counts.of_one_way;
   }
   edges.encloses = faces.size() > 0 && found.boundary_edges == 0 && found.non_manifold_edges == 0 && of_one_way == 0;
-  count_points(edges, found);
+  count_points(edges, for_each, found);
   return mesh;
 }
 

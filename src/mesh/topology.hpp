@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
 #include "mesh/ordered_faces.hpp"
 #include "pointfair/cloud.hpp"
@@ -21,8 +20,8 @@ struct MeshTopology {
     std::uint32_t face;
     bool is_opposite;  // runs round the other way
   };
-  std::vector<Across> across;  // of each face from its first corner on
-  std::vector<std::uint32_t> across_count;
+  platform::LargeVector<Across> across;  // of each face from its first corner on
+  platform::LargeVector<std::uint32_t> across_count;
 
   // The faces across the edges of a face that have no third one, ascending.
   std::span<const Across> across_of(const OrderedFaces& faces, std::size_t face) const {

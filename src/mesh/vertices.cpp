@@ -52,7 +52,7 @@ struct Placed {
 };
 
 // By the parts of the bounds, and in each by the curve; of those at one place, the first point comes first.
-std::vector<Placed> along_curve(std::span<const Point> points, const ForEach& for_each) {
+platform::LargeVector<Placed> along_curve(std::span<const Point> points, const ForEach& for_each) {
   const Curve curve = curve_of(points);
   const std::size_t parts = std::size_t(1) << 3 * kPartBits;
   ByNumber<Placed> by_part = sort_by_number<Placed>(
@@ -78,8 +78,8 @@ std::vector<Placed> along_curve(std::span<const Point> points, const ForEach& fo
 
 }  // namespace
 
-std::vector<Point> Vertices::places(std::span<const Point> points, const ForEach& for_each) const {
-  std::vector<Point> result(size());
+platform::LargeVector<Point> Vertices::places(std::span<const Point> points, const ForEach& for_each) const {
+  platform::LargeVector<Point> result(size());
   for_mesh_blocks(size(), for_each, [&](std::size_t begin, std::size_t last, std::size_t) {
     for (std::size_t v = begin; v < last; ++v) result[v] = points[first[v]];
   });
@@ -87,27 +87,24 @@ std::vector<Point> Vertices::places(std::span<const Point> points, const ForEach
 }
 
 Vertices vertices_of(std::span<const Point> points, const ForEach& for_each) {
-  const std::vector<Placed> placed = along_curve(points, for_each);
+  const platform::LargeVector<Placed> placed = along_curve(points, for_each);
   const auto is_new = [&](std::size_t i) {
     return i == 0 || placed[i].curve != placed[i - 1].curve ||
            !are_at_one_place(points[placed[i].point], points[placed[i - 1].point]);
   };
-  std::vector<std::uint32_t> next(mesh_blocks(placed.size()) + 1);
-  for_mesh_blocks(placed.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
-    for (std::size_t i = first; i < last; ++i) next[block + 1] += is_new(i);
-  });
-  for (std::size_t block = 1; block < next.size(); ++block) next[block] += next[block - 1];
-
   Vertices vertices;
-  vertices.of_point.assign(points.size(), kNoVertex);
-  vertices.first.resize(next.back());
-  for_mesh_blocks(placed.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
-    std::uint32_t count = next[block];
-    for (std::size_t i = first; i < last; ++i) {
-      if (is_new(i)) vertices.first[count++] = placed[i].point;
-      vertices.of_point[placed[i].point] = count - 1;
-    }
+  vertices.of_point.resize(points.size());
+  for_mesh_blocks(points.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    std::fill(vertices.of_point.begin() + std::ptrdiff_t(first), vertices.of_point.begin() + std::ptrdiff_t(last),
+              kNoVertex);
   });
+  vertices.first.resize(placed.size());
+  vertices.first.resize(
+      place_in_order(placed.size(), for_each, is_new, [&](std::size_t i, std::size_t vertices_before) {
+        const bool is_first = is_new(i);
+        if (is_first) vertices.first[vertices_before] = placed[i].point;
+        vertices.of_point[placed[i].point] = std::uint32_t(vertices_before) - (is_first ? 0 : 1);
+      }));
   return vertices;
 }
 

@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "mesh/blocks.hpp"
 #include "mesh/evening.hpp"
 #include "mesh/neighborhoods.hpp"
 #include "pipeline/run_state.hpp"
@@ -32,7 +33,8 @@ ForEach Pipeline::State::on_host() {
 
 const LoadedMesh& Pipeline::State::mesh() {
   if (mesh_) return *mesh_;
-  const Polygons faces = faces_ ? *faces_ : polygons(shell);
+  std::optional<Polygons> read;
+  const Polygons& faces = faces_ ? *faces_ : read.emplace(polygons(shell));
   if (faces.size() == 0)
     throw Error(ErrorKind::usage,
                 "--connectivity mesh needs faces, and this cloud has none: leave it out, or give a mesh");
@@ -96,30 +98,40 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
   const MeshEdges& edges = its.topology.edges;
   const ForEach for_each = on_host();
   const auto start = Clock::now();
-  std::vector<Point> places(edges.vertices());
-  for (std::size_t v = 0; v < places.size(); ++v) places[v] = out[edges.first[v]];
-  const std::vector<Point> found_by_stages = places;
+  platform::LargeVector<Point> places(edges.vertices()), found_by_stages(edges.vertices());
+  for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t v = first; v < last; ++v) places[v] = found_by_stages[v] = out[edges.first[v]];
+  });
   std::optional<Folds> folds;
   if (const double share = used.tangential.value_or(0); share > 0) {
-    std::vector<std::uint8_t> stays = edges.is_boundary;
-    for (std::size_t v = 0; v < places.size(); ++v)
-      if (places[v].x == its.places[v].x && places[v].y == its.places[v].y && places[v].z == its.places[v].z)
-        stays[v] = 1;
-    const std::vector<double> noise = noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
+    platform::LargeVector<std::uint8_t> stays(places.size());
+    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t v = first; v < last; ++v) {
+        const Point &now = places[v], &before = its.places[v];
+        stays[v] = edges.is_boundary[v] != 0 || (now.x == before.x && now.y == before.y && now.z == before.z);
+      }
+    });
+    const platform::LargeVector<double> noise =
+        noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
     even_out(its.faces, stays, share, noise, places, for_each);
     folds.emplace(its.faces, its.topology, places, for_each);
     untangle(*folds, stays, noise, places);
   }
   if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
   unfold(*folds, its.folded, its.places, places);
-  for (std::size_t i = 0; i < out.size(); ++i) {
-    const std::uint32_t v = edges.vertex[i];
-    if (v != kNoVertex && std::memcmp(&places[v], &found_by_stages[v], sizeof(Point)) != 0) out[i] = places[v];
-  }
+  for_mesh_blocks(out.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i) {
+      const std::uint32_t v = edges.vertex[i];
+      if (v != kNoVertex && std::memcmp(&places[v], &found_by_stages[v], sizeof(Point)) != 0) out[i] = places[v];
+    }
+  });
   log_.note("faces", milliseconds_since(start));
   MeshReport found = its.topology.found;
-  found.folded_before = std::uint64_t(std::count(its.folded.begin(), its.folded.end(), 1));
-  found.folded_after = std::uint64_t(std::count(folds->folded().begin(), folds->folded().end(), 1));
+  const auto count = [&](std::span<const std::uint8_t> folded) {
+    return count_items(folded.size(), for_each, [&](std::size_t f) { return folded[f] != 0; });
+  };
+  found.folded_before = count(its.folded);
+  found.folded_after = count(folds->folded());
   return found;
 }
 

@@ -5,8 +5,8 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
+#include "platform/large_vector.hpp"
 #include "point/vec.h"
 
 namespace pointfair {
@@ -14,12 +14,12 @@ namespace pointfair {
 inline constexpr std::uint32_t kNoVertex = ~0u;
 
 struct MeshEdges {
-  std::vector<std::uint32_t> vertex;      // of each point; kNoVertex of one that is not indexed
-  std::vector<std::uint32_t> first;       // of each vertex, the first point at its place, in upload order
-  std::vector<std::uint64_t> begin;       // of each vertex's neighbours; one more at the end
-  std::vector<std::uint32_t> neighbors;   // vertices, ascending
-  std::vector<std::uint8_t> is_boundary;  // of each vertex
-  bool encloses = false;                  // every edge has two faces, of one orientation: there is a volume
+  platform::LargeVector<std::uint32_t> vertex;      // of each point; kNoVertex of one that is not indexed
+  platform::LargeVector<std::uint32_t> first;       // of each vertex, the first point at its place, in upload order
+  platform::LargeVector<std::uint64_t> begin;       // of each vertex's neighbours; one more at the end
+  platform::LargeVector<std::uint32_t> neighbors;   // vertices, ascending
+  platform::LargeVector<std::uint8_t> is_boundary;  // of each vertex
+  bool encloses = false;                            // every edge has two faces, of one orientation: there is a volume
 
   std::size_t vertices() const { return first.size(); }
   bool is_on_boundary(std::uint32_t point) const {
@@ -33,10 +33,10 @@ struct MeshEdges {
 
 // Faces one after the other, in an order that depends on the places of their corners alone.
 struct MeshFaces {
-  std::vector<std::size_t> ends;          // of each face, in `corners`
-  std::vector<std::uint32_t> corners;     // vertices
-  std::vector<std::size_t> around_begin;  // of each vertex, in `around_faces`; one more at the end
-  std::vector<std::uint32_t> around_faces;
+  platform::LargeVector<std::size_t> ends;          // of each face, in `corners`
+  platform::LargeVector<std::uint32_t> corners;     // vertices
+  platform::LargeVector<std::size_t> around_begin;  // of each vertex, in `around_faces`; one more at the end
+  platform::LargeVector<std::uint32_t> around_faces;
 
   std::size_t size() const { return ends.size(); }
   std::span<const std::uint32_t> of(std::size_t face) const {
