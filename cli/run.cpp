@@ -104,7 +104,6 @@ void run(RunArguments arguments, std::stop_token stop) {
   arguments.outlier_action = take_outlier_action(arguments.params);
   findings.asked = make_params(arguments.params, {});
   const Limits limits = make_limits(arguments.limits);
-  if (reads_faces(findings.asked) && arguments.device.device == "auto") arguments.device.device = "cpu";
   const Device device = make_device(arguments.device);
   check_viewpoint(arguments.viewpoint);
   check_orient(arguments);

@@ -9,6 +9,7 @@
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"
+#include "meshes.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "runs.h"
@@ -50,6 +51,13 @@ class SmallBackend : public ForwardingBackend {
   std::size_t room_;
 };
 
+// A card as it is: no run reads faces on it.
+class FacelessBackend : public ForwardingBackend {
+ public:
+  FacelessBackend() : ForwardingBackend(make_cpu_backend(0)) {}
+  bool reads_faces() const override { return false; }
+};
+
 Pipeline over(std::vector<MakeBackend> cards, std::uint64_t worth_dividing) {
   auto first = cards[0]();
   return PipelineAccess::make(std::move(first), {Device::cpu, "cards", "test"},
@@ -89,6 +97,66 @@ TEST(Cards, share_a_cloud_with_the_bits_of_one_device) {
   expect_the_bits_of_one(shared, cloud(5000), {}, 1);
   EXPECT_EQ(shared.report().tiles, 1u) << "a small cloud is not divided";
   expect_the_bits_of_one(shared, points, params, 4);
+}
+
+// On `card`, which must not do it: on the CPU where it may go there, until another cloud is loaded.
+void expect_a_run_on_the_cpu(const MakeBackend& card, const meshes::Mesh& mesh, const Params& params) {
+  Points expected(mesh.points.size()), out = expected;
+  const auto load = [&](Pipeline& pipeline) {
+    pipeline.load(mesh.points);
+    if (!mesh.faces.empty()) pipeline.set_faces(meshes::polygons_of(mesh.faces));
+  };
+  Pipeline one(Device::cpu);
+  load(one);
+  one.run(params, expected);
+
+  MakeWorkers workers{{card}};
+  Pipeline alone = PipelineAccess::make(card(), {Device::cuda, "card", "test"}, workers);
+  load(alone);
+  try {
+    alone.run(params, out);
+    ADD_FAILURE() << "ran on the card";
+  } catch (const Error& error) {
+    EXPECT_EQ(error.kind(), ErrorKind::usage);
+    EXPECT_NE(std::string(error.what()).find("add --device cpu"), std::string::npos);
+  }
+
+  workers.on_cpu = [] { return make_cpu_backend(0); };
+  Pipeline pipeline = PipelineAccess::make(card(), {Device::cuda, "card", "test"}, workers);
+  load(pipeline);
+  pipeline.run({}, out);
+  EXPECT_EQ(pipeline.report().device.name, "card");
+  for (int turn = 0; turn < 2; ++turn) {
+    std::fill(out.begin(), out.end(), Point{});
+    pipeline.run(params, out);
+    EXPECT_EQ(difference(expected, out), "");
+    EXPECT_EQ(pipeline.report().device.kind, Device::cpu);
+    EXPECT_EQ(pipeline.report().device.reason, "a card cannot do this run");
+    EXPECT_EQ(pipeline.report().tiles, 1u);
+  }
+  one.run({}, expected);
+  pipeline.run({}, out);
+  EXPECT_EQ(difference(expected, out), "");
+  load(pipeline);
+  pipeline.run({}, out);
+  EXPECT_EQ(difference(expected, out), "");
+  EXPECT_EQ(pipeline.report().device.name, "card");
+}
+
+TEST(Cards, leave_runs_that_read_faces_to_the_cpu) {
+  const MakeBackend card = [] { return std::make_unique<FacelessBackend>(); };
+  const meshes::Mesh mesh = meshes::sheet(20, meshes::Sides::quads);
+  for (const Method method : {Method::fleishman, Method::jones, Method::implicit})
+    expect_a_run_on_the_cpu(card, mesh, meshes::along_mesh(method));
+}
+
+TEST(Cards, leave_runs_that_need_a_whole_cloud_to_the_cpu_where_it_is_in_tiles) {
+  const MakeBackend card = [] { return std::make_unique<SmallBackend>(20000); };
+  Params params;
+  params.method = Method::implicit;
+  meshes::Mesh mesh;
+  mesh.points = cloud(30000);
+  expect_a_run_on_the_cpu(card, mesh, params);
 }
 
 std::unique_ptr<Backend> sharing() { return std::make_unique<SharingBackend>(make_cpu_backend(0)); }

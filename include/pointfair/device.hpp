@@ -15,7 +15,8 @@
 
 namespace pointfair {
 
-/// Where to compute. `automatic` is CUDA if this build has it and a card can be used, else the CPU.
+/// Where to compute. `automatic` is CUDA if this build has it and a card can be used, else the CPU; runs that read the
+/// faces of a mesh, or that need the whole of a cloud which one card cannot hold, are then done on the CPU.
 struct Device {
   enum class Kind : std::uint8_t { automatic, cpu, cuda };
   Kind kind = Kind::automatic;

@@ -109,8 +109,6 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         raise UsageError("normals=True needs return_report=True, since report.normals has them")
     if faces is not None and (isinstance(points, Cloud) or _card.layout_of(points) is not None):
         raise UsageError("faces go with arrays in host memory; a Cloud has those of its file: leave faces out")
-    if (chosen.connectivity == "mesh" or chosen.method == "implicit") and device == "auto" and _card.layout_of(points) is None:
-        device = "cpu"
     strength, box = as_strength(strength), as_box(box)
     if step is not None:
         refuse_with_step(where=where, ignore=ignore, viewpoint=viewpoint, faces=faces, weights=weights, out=out,

@@ -97,6 +97,8 @@ MakeWorkers make_workers(const Device& device, Device::Kind found) {
   if (found != Device::cuda) return workers;
   for (const Device& single : single_devices(device))
     workers.of_cards.push_back([card = single.index] { return make_cuda_backend(card); });
+  if (device.kind == Device::automatic)
+    workers.on_cpu = [threads = device.threads] { return make_cpu_backend(threads); };
   return workers;
 }
 

@@ -47,7 +47,33 @@ void LoadedCloud::drop() noexcept {
 void LoadedCloud::reset() noexcept {
   backend_.reset();
   tiled_ = nullptr;
-  is_divided_ = false;
+  is_divided_ = is_on_cpu_ = false;
+}
+
+// What `make` leaves takes the place of the backend, with the same points and nothing cached.
+void LoadedCloud::carry_over(const std::function<void()>& make) {
+  std::vector<Point> input(points_);
+  backend_->download_input(input);
+  try {
+    reset();
+    make();
+    upload(input, cached.order, false);
+  } catch (...) {
+    drop();
+    throw;
+  }
+  cached = {};
+}
+
+bool LoadedCloud::move_to_cpu() {
+  if (!workers_.on_cpu) return false;
+  finish_load();
+  carry_over([&] {
+    tiles_ = 1;
+    backend_ = workers_.on_cpu();
+    is_on_cpu_ = true;
+  });
+  return true;
 }
 
 // A backend for a cloud of so many points, the present one if it suits.
@@ -92,6 +118,7 @@ void LoadedCloud::replace(std::uint64_t points, const std::function<void()>& upl
     if (points > kMaxPoints)
       throw Error(ErrorKind::usage, "the cloud has " + std::to_string(points) + " points, and a pipeline holds " +
                                         std::to_string(kMaxPoints) + " at most; cut it into tiles");
+    if (is_on_cpu_) reset();
     hold(points);
     points_ = points;
     upload();
@@ -141,7 +168,8 @@ void LoadedCloud::finish_load() noexcept {
 
 // How many tiles there will be where the memory does not suffice; 0: they do not help.
 std::uint64_t LoadedCloud::tiles_after(const Error& error) const {
-  return error.kind() != ErrorKind::memory || workers_.of_cards.empty() ? 0 : more_tiles(cards(), points_, tiles_);
+  const bool may_cut = error.kind() == ErrorKind::memory && !workers_.of_cards.empty() && !is_on_cpu_;
+  return may_cut ? more_tiles(cards(), points_, tiles_) : 0;
 }
 
 void LoadedCloud::within_memory(const std::function<void()>& work) {
@@ -151,17 +179,7 @@ void LoadedCloud::within_memory(const std::function<void()>& work) {
     } catch (const Error& error) {
       const std::uint64_t tiles = tiles_after(error);
       if (tiles == 0) throw;
-      std::vector<Point> input(points_);
-      backend_->download_input(input);
-      try {
-        reset();
-        cut_into(tiles);
-        upload(input, cached.order, false);
-      } catch (...) {
-        drop();
-        throw;
-      }
-      cached = {};
+      carry_over([&] { cut_into(tiles); });
     }
 }
 

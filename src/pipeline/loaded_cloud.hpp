@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A cloud on a backend: on one device; or on one card that shares its stages with others; or, where the memory of cards
-// does not suffice, in host memory and in tiles on all cards.
+// does not suffice, in host memory and in tiles on all cards; or, for runs that no card can do, on the CPU.
 #pragma once
 
 #include <cstdint>
@@ -24,6 +24,7 @@ using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 struct MakeWorkers {
   std::vector<MakeBackend> of_cards{};  // one each; none: a cloud that does not fit is an error
   std::uint64_t worth_dividing = Cards{}.worth_dividing;
+  MakeBackend on_cpu{};  // for runs that a card cannot do; null: such a run is an error
 };
 
 class LoadedCloud {
@@ -42,6 +43,10 @@ class LoadedCloud {
 
   // Does `work`; where the device's memory does not suffice, again with the cloud in tiles, nothing cached.
   void within_memory(const std::function<void()>& work);
+
+  // Goes on with the same points on the CPU, nothing cached, until another cloud is loaded. False where it may not.
+  bool move_to_cpu();
+  bool is_on_cpu() const { return is_on_cpu_; }
 
   // Another backend of the same kind; null where none can be made.
   std::unique_ptr<Backend> make_worker() const {
@@ -63,6 +68,7 @@ class LoadedCloud {
   void replace(std::uint64_t points, const std::function<void()>& upload);
   void drop() noexcept;
   void reset() noexcept;
+  void carry_over(const std::function<void()>& make);
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
   Cards cards() const { return {workers_.of_cards.size(), workers_.worth_dividing}; }
   std::uint64_t tiles_after(const Error& error) const;
@@ -73,6 +79,7 @@ class LoadedCloud {
   std::unique_ptr<Backend> backend_;  // null: must be made again
   TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles of a cloud in host memory
   bool is_divided_ = false;           // whether several devices share what lies on the first
+  bool is_on_cpu_ = false;            // whether it was moved there
   MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into

@@ -107,8 +107,31 @@ bool Pipeline::State::is_measured(const Params& params) const {
   return !seeks_noise || cloud.noise->surface_spacing > 0;
 }
 
+// Moves the cloud to the CPU if a run with these parameters cannot be done where it lies.
+void Pipeline::State::go_where_it_runs(const Params& params) {
+  Backend& here = cloud.backend();
+  const bool lacks_faces = reads_faces(params) && !here.reads_faces();
+  const bool lies_in_parts = needs_whole_cloud(params) && !here.holds_whole();
+  if (!lacks_faces && !lies_in_parts) return;
+  const auto start = Clock::now();
+  if (cloud.move_to_cpu()) return log_.note("upload", milliseconds_since(start));
+  throw Error(ErrorKind::usage,
+              lacks_faces ? "--method fleishman, jones and implicit run along a mesh on the CPU: add --device cpu"
+                          : "mesh connectivity and --method implicit need the whole cloud in the memory of one card, "
+                            "and this one lies on several or in tiles: add --device cpu");
+}
+
+// Where the loaded cloud lies.
+DeviceInfo Pipeline::State::device_of_cloud() {
+  if (!cloud.is_on_cpu()) return device;
+  DeviceInfo its = cloud.backend().device();
+  its.reason = "a card cannot do this run";
+  return its;
+}
+
 Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_token& stop) {
   check_params(params);
+  go_where_it_runs(params);
   if (params.along == Along::ray && !sensors_)
     throw Error(ErrorKind::usage,
                 "--along ray needs the place of the sensor, which the cloud does not tell: give --viewpoint x,y,z");
@@ -118,13 +141,6 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   if (needed.estimates.spacing) found.spacing = *cloud.spacing;
   if (needed.estimates.noise) found = {found.spacing, noise(), levels(), cloud.reach_levels};
   Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
-  if (needs_whole_cloud(used.params) && !cloud.backend().holds_whole())
-    throw Error(ErrorKind::usage,
-                "mesh connectivity and --method implicit need the whole cloud in the memory of one card, and this one "
-                "lies on several or in tiles: add --device cpu");
-  if (reads_faces(used.params) && !cloud.backend().reads_faces())
-    throw Error(ErrorKind::usage,
-                "--method fleishman, jones and implicit run along a mesh on the CPU: add --device cpu");
   return used;
 }
 

@@ -99,11 +99,12 @@ void Pipeline::State::run(const Params& params, const Delivery& to, const std::s
 
 DeviceMemory& Pipeline::State::device_memory() {
   if (DeviceMemory* const memory = cloud.backend().device_memory()) return *memory;
-  if (device.kind == Device::cuda)
+  const DeviceInfo its = device_of_cloud();
+  if (its.kind == Device::cuda)
     throw Error(ErrorKind::memory,
                 "the cloud does not fit into the card's memory beside its results: copy it to host memory and load it "
                 "from there, and it is computed in tiles");
-  throw Error(ErrorKind::usage, "the output lies on a card, and this pipeline computes on the CPU (" + device.reason +
+  throw Error(ErrorKind::usage, "the output lies on a card, and this pipeline computes on the CPU (" + its.reason +
                                     "): make it with Device::cuda, or give an output in host memory");
 }
 
@@ -114,7 +115,6 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
                                       std::to_string(cloud.points()));
   const auto start = Clock::now();
   const double upload = std::exchange(upload_milliseconds_, 0);
-  Backend& backend = cloud.backend();
   drop_times_of_failed_run();
   unfinished_ = true;
   log_ = {};
@@ -134,6 +134,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
           stop, progress);
 
+  Backend& backend = cloud.backend();
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
   const OutlierCounts outlier_counts = to.deliver(last, used, settings.limits, marks);
   const MeshReport mesh_found = used.connectivity == Connectivity::mesh ? finish_mesh(used, to.on_host) : MeshReport{};
@@ -145,7 +146,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   unfinished_ = false;
   outliers = std::move(marks);
   shown_ = last;
-  report = {device,
+  report = {device_of_cloud(),
             cloud.points(),
             used,
             counts.unmoved,

@@ -80,6 +80,8 @@ struct Pipeline::State {
   };
 
   void start_load(const std::function<void()>& load);
+  void go_where_it_runs(const Params& params);
+  DeviceInfo device_of_cloud();
   Resolved resolve_once(const Params& params, const std::stop_token& stop);
   bool is_measured(const Params& params) const;
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
