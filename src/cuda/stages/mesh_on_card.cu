@@ -61,7 +61,7 @@ MeshOnCard::MeshOnCard(Context& context)
       is_boundary_(context) {}
 
 template <class T>
-void MeshOnCard::upload(DeviceArray<T>& to, const std::vector<T>& from) {
+void MeshOnCard::upload(DeviceArray<T>& to, const platform::LargeVector<T>& from) {
   to.resize(from.size());
   if (from.empty()) return;
   check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, context_.stream()),

@@ -29,7 +29,7 @@ class MeshOnCard {
 
  private:
   template <class T>
-  void upload(DeviceArray<T>& to, const std::vector<T>& from);
+  void upload(DeviceArray<T>& to, const platform::LargeVector<T>& from);
 
   Context& context_;
   std::shared_ptr<const MeshEdges> edges_;  // which are in
