@@ -41,7 +41,7 @@ std::string faces_text(const FaceComparison& faces, double diagonal) {
   return text;
 }
 
-std::string comparison_text(const Comparison& comparison) {
+std::string comparison_text(const Distances& comparison) {
   const double diagonal = comparison.diagonal;
   std::string text = fmt::format("{} points against a {}, diagonal {:.6g}\n", comparison.points,
                                  comparison.mesh ? "mesh" : "cloud", diagonal);
@@ -71,7 +71,7 @@ Json faces_json(const FaceComparison& faces) {
           {"reference_volume", or_null(faces.reference)}};
 }
 
-Json comparison_json(const Comparison& comparison) {
+Json comparison_json(const Distances& comparison) {
   Json json = {{"points", comparison.points}, {"diagonal", comparison.diagonal}};
   json.update(statistics_json(comparison.distance));
   json["chamfer"] = comparison.chamfer;
@@ -95,7 +95,7 @@ void compare(const CompareArguments& arguments) {
   ReadOptions plain;
   plain.threads = arguments.threads;
   const Cloud reference = read(arguments.reference, are_alike(arguments.cloud, arguments.reference) ? options : plain);
-  const Comparison comparison = compare_clouds(cloud, reference,
+  const Distances comparison = compare_clouds(cloud, reference,
                                                {arguments.as == "cloud",
                                                 arguments.edges,
                                                 arguments.normals,

@@ -143,7 +143,7 @@ std::optional<double> mean_normal_error(const Cloud& cloud, const std::vector<Po
 
 // Points whose foot lies within 1 % of the diagonal of a sharp edge.
 void measure_edges(const std::vector<double>& squared, const std::vector<Foot>& feet, std::vector<Triangle> edges,
-                   const Frame& frame, Comparison& result) {
+                   const Frame& frame, Distances& result) {
   if (edges.empty()) return;
   const Surface surface(std::move(edges));
   const double reach = 0.01 * frame.diagonal * frame.scale();
@@ -213,7 +213,7 @@ std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices, std::span<cons
   return result;
 }
 
-Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options) {
+Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options) {
   const Frame frame = frame_of(b);
   const std::vector<Vec3> vertices = places(b, frame);
   const std::vector<Vec3> from = finite(places(a, frame));
@@ -228,7 +228,7 @@ Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& 
     throw Error(ErrorKind::usage, std::string(options.edge_degrees ? "--edges" : "--normals") +
                                       " needs a mesh, but the second file is taken as a cloud");
   }
-  Comparison result;
+  Distances result;
   result.points = from.size();
   result.mesh = !mesh.empty();
   result.diagonal = frame.diagonal;

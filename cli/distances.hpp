@@ -25,7 +25,7 @@ struct CompareOptions {
 };
 
 /// Lengths in file units.
-struct Comparison {
+struct Distances {
   std::uint64_t points = 0;  ///< finite points of A
   bool mesh = false;         ///< B was taken as a mesh
   double diagonal = 0;       ///< of B's bounding box
@@ -38,7 +38,7 @@ struct Comparison {
 };
 
 /// Throws ErrorKind::file where there is nothing to measure, ErrorKind::usage for edges or normals of a cloud.
-Comparison compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
+Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
 
 /// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;
 /// faces may be oriented either way.

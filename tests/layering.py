@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Checks who includes whom (CONTRIBUTING.md) by reading the #include and import lines of the tree given as argument, and
-that no file but the table lists parameters."""
+"""Checks who includes whom (CONTRIBUTING.md) by reading the #include and import lines of the tree given as argument, that
+no file but the table lists parameters, and that no two files define different types of one name: linkers would mix up
+their constructors and containers without a word."""
 import pathlib
 import re
 import sys
@@ -105,6 +106,31 @@ def lists_parameters(path):
     return [name for name in PARAMETERS if f'"{name}"' in code or f'"{name.replace("_", "-")}"' in code]
 
 
+OPENED, CLOSED = re.compile(r"(?:inline )?namespace ?([\w:]*) ?\{$"), re.compile(r"\}  // namespace")
+DEFINED = re.compile(r"(?:struct|class|union|enum|enum class) (?:alignas\(.*?\) )?(?:[A-Z_]+ )?(\w+)(?: final)?(?: ?:(?!:).*)?(?: ?\{.*)?$")
+
+
+def types_of(text):
+    """The full names of the types that a text defines in namespaces that have names."""
+    spaces = []
+    for line in text.splitlines():
+        if opened := OPENED.match(line):
+            spaces.append(opened[1])
+        elif CLOSED.match(line) and spaces:
+            spaces.pop()
+        elif (defined := DEFINED.match(line)) and ("{" in line or line[-1] != ";") and all(spaces):
+            yield "::".join([*spaces, defined[1]])
+
+
+def twice_defined(files):
+    """What stands in several files, with these."""
+    where = {}
+    for path in files:
+        for name in types_of(path.read_text()):
+            where.setdefault(name, set()).add(path.relative_to(root).as_posix())
+    return [f"{name} is defined in {' and '.join(sorted(places))}" for name, places in where.items() if len(places) > 1]
+
+
 def circle(imports):
     """Names that import each other in a circle, of {name: those that it imports}; empty if there is none."""
     left = dict(imports)
@@ -127,11 +153,13 @@ PRODUCT = [f for folder in ("include", "src", "cli", "python", "viewer") for f i
            if f.suffix in {*SOURCE, ".py", ".pyi", ".ts"} and "node_modules" not in f.parts]
 assert lists_parameters(TABLE) == PARAMETERS and len(PARAMETERS) > 10
 assert circle({"a": {"b"}, "b": {"a"}, "c": {"a"}}) == ["a", "b", "c"] and circle({"a": {"b"}, "b": set()}) == []
+assert list(types_of("namespace a::b {\nnamespace {\nstruct C {\n}  // namespace\nclass D;\nclass E::F {\nstruct G : H {\n  struct I {\nenum J { k };\n}  // namespace a::b\nunion K {\n")) == ["a::b::G", "a::b::J", "K"]
 files = [f for folder in {r.split("/")[0] for r in RULES} for f in sorted((root / folder).rglob("*"))
          if f.suffix in SOURCE and "node_modules" not in f.parts]
 found = [line for f in files for line in violations(f)]
 found += [f"{f.relative_to(root)} names the parameter {name}, which its row of kParams should say"
           for f in PRODUCT if f != TABLE for name in lists_parameters(f)]
+found += twice_defined(f for f in PRODUCT if f.suffix in SOURCE)
 if modules := package_circle():
     found.append(f"python/pointfair: imports run in a circle through {', '.join(modules)}")
 print("\n".join(found) if found else f"{len(files)} files keep the include rules")

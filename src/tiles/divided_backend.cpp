@@ -199,7 +199,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     make_workers();
     if (cells_.empty()) divide();
     const FramedSettings& stages = held(iteration).stages;
-    std::deque<Wanted> tasks;
+    std::deque<TileTask> tasks;
     for (const point::Cell& cell : cells_) {
       const Bounds its = within(bounds(), cell, cells_.size());
       tasks.push_back({cell, {}, its, first_halo(bounds(), stages, its)});

@@ -18,9 +18,9 @@ constexpr std::size_t kBlock = 1 << 14;
 // A run, and what is left of it.
 class Engine {
  public:
-  Engine(const TileRun& run, std::vector<Wanted> first, const std::stop_token& stop)
+  Engine(const TileRun& run, std::vector<TileTask> first, const std::stop_token& stop)
       : run_(run), stop_(stop), halo_factor_(run.first_halo) {
-    for (Wanted& task : first) tasks_.put(std::move(task));
+    for (TileTask& task : first) tasks_.put(std::move(task));
   }
 
   Counts run(std::span<TileWorker> workers) {
@@ -48,7 +48,7 @@ class Engine {
       TileWorker& worker = workers[turn % workers.size()];
       if (worker.task) collect(worker);
       const bool none_at_work = !any_at_work();
-      if (std::optional<Wanted> task = tasks_.take(none_at_work)) {
+      if (std::optional<TileTask> task = tasks_.take(none_at_work)) {
         worker.task = std::move(*task);
         start(worker);
       } else if (none_at_work) {
@@ -58,7 +58,7 @@ class Engine {
   }
 
   void start(TileWorker& worker) {
-    const Wanted& task = *worker.task;
+    const TileTask& task = *worker.task;
     worker.halo = task.halo > 0 ? task.halo : halo_of(task);
     worker.loaded = region_around(run_.store.bounds(), task.bounds, worker.halo);
     worker.finish_upload();  // of a run that failed
@@ -69,7 +69,7 @@ class Engine {
     });
   }
 
-  double halo_of(const Wanted& task) {
+  double halo_of(const TileTask& task) {
     const std::lock_guard lock(mutex_);
     return first_halo(run_.store.bounds(), run_.stages, task.bounds) * halo_factor_;
   }
@@ -85,7 +85,7 @@ class Engine {
       worker.note_costs();
     });
     if (!is_there) return;
-    const Wanted task = *std::exchange(worker.task, std::nullopt);
+    const TileTask task = *std::exchange(worker.task, std::nullopt);
     Indices left = take_results(worker, task);
     if (task.cell && left.size() > task.bounds.valid / 50) {
       const std::lock_guard lock(mutex_);
@@ -96,7 +96,7 @@ class Engine {
   }
 
   // Returns the points of the task whose results are not known to be exact.
-  Indices take_results(TileWorker& worker, const Wanted& task) {
+  Indices take_results(TileWorker& worker, const TileTask& task) {
     const std::span<const std::uint32_t> numbers = worker.numbers;
     const std::span<const Point> points = run_.store.points();
     std::vector<Indices> left((numbers.size() + kBlock - 1) / kBlock);
@@ -123,7 +123,7 @@ class Engine {
     return all;
   }
 
-  static bool is_wanted(const Wanted& task, std::uint32_t number, const Point& p) {
+  static bool is_wanted(const TileTask& task, std::uint32_t number, const Point& p) {
     return task.cell ? is_in_cell(*task.cell, to_vec3(p))
                      : std::binary_search(task.listed.begin(), task.listed.end(), number);
   }
@@ -145,7 +145,7 @@ class Engine {
 
   // In two along the longest side. Where nearly all of the region is halo, halves would have hardly smaller ones.
   void split(TileWorker& worker) {
-    Wanted task = *std::exchange(worker.task, std::nullopt);
+    TileTask task = *std::exchange(worker.task, std::nullopt);
     const std::span<const Point> points = run_.store.points();
     if (task.cell)
       for (const std::uint32_t i : worker.numbers)
@@ -159,7 +159,7 @@ class Engine {
     tasks_.finish_one();
   }
 
-  Wanted listed(Indices indices, double halo) const {
+  TileTask listed(Indices indices, double halo) const {
     std::sort(indices.begin(), indices.end());
     Bounds bounds = kNoBounds;
     for (const std::uint32_t i : indices) include(bounds, run_.store.points()[i]);
@@ -168,7 +168,7 @@ class Engine {
 
   const TileRun& run_;
   const std::stop_token& stop_;
-  TaskQueue<Wanted> tasks_;
+  TaskQueue<TileTask> tasks_;
   std::mutex mutex_;  // of what follows
   Counts counts_;
   double halo_factor_;  // by which the tiles to come are wider than first_halo()
@@ -176,7 +176,7 @@ class Engine {
 
 }  // namespace
 
-Counts run_tiles(const TileRun& run, std::span<TileWorker> workers, std::vector<Wanted> first,
+Counts run_tiles(const TileRun& run, std::span<TileWorker> workers, std::vector<TileTask> first,
                  const std::stop_token& stop) {
   return Engine(run, std::move(first), stop).run(workers);
 }

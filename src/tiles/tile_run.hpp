@@ -27,7 +27,7 @@ namespace pointfair {
 using Indices = std::vector<std::uint32_t>;
 
 // Points whose results are wanted: those of a cell, or those listed.
-struct Wanted {
+struct TileTask {
   std::optional<point::Cell> cell;
   Indices listed;   // ascending
   Bounds bounds;    // of them
@@ -55,7 +55,7 @@ struct TileWorker {
 
   Backend* backend;
   std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;
-  std::optional<Wanted> task;  // that it is at
+  std::optional<TileTask> task;  // that it is at
   point::Region loaded{};
   double halo = 0;  // with which it was loaded
   std::vector<unsigned char> outcomes;
@@ -92,7 +92,7 @@ struct TileRun {
   std::size_t least_split = std::numeric_limits<std::size_t>::max();
 };
 // Hands the results of all points of `first` to the store. Throws Error(memory) if one does not fit.
-Counts run_tiles(const TileRun& run, std::span<TileWorker> workers, std::vector<Wanted> first,
+Counts run_tiles(const TileRun& run, std::span<TileWorker> workers, std::vector<TileTask> first,
                  const std::stop_token& stop);
 
 // The settings for some of the points, by their indices in the cloud.

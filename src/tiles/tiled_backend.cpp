@@ -240,7 +240,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
 
   Counts run(int iteration, TileRun::Result result, std::span<Point> results, const std::stop_token& stop) {
     const Iteration& its = held(iteration);
-    std::vector<Wanted> tiles;
+    std::vector<TileTask> tiles;
     for (const Cut::Tile& tile : its.cut->tiles())
       if (tile.core.valid > 0) tiles.push_back({tile.cell, {}, tile.core});
     const ForEach each = for_each();
