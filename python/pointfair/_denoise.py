@@ -67,7 +67,7 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
             "vx,vy,vz", or "none"; by default what its file says.
         faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
-            Cloud has those of its file. Runs on the CPU.
+            Cloud has those of its file.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
         step: a function of one's own that moves the points in place of the library's step, for research: step(points,
             neighbors, normals, noise) returns the new points. It gets the finite points, (M, 3) float64; the rows of
