@@ -20,7 +20,7 @@ using Key = unsigned long long;  // point::neighbor_key
 
 constexpr std::size_t kLeavesABlock = 32;
 
-// The edges of a mesh between sorted positions, of valid points that are not lost; each point's neighbours ascend.
+// The edges of a mesh between sorted positions, of valid points that are not lost.
 class SortedEdges {
  public:
   SortedEdges(const IndexView& index, const MeshEdges& mesh, const std::stop_token& stop)
@@ -30,11 +30,13 @@ class SortedEdges {
       const std::uint32_t point = index.original[at];
       if (mesh.first[mesh.vertex[point]] == point) places[mesh.vertex[point]] = at;
     });
+    const bool all_are_there = std::find(places.begin(), places.end(), kLost) == places.end();
     for_all(index, stop, [&](Index at) {
       vertex_[at] = places[mesh.vertex[index.original[at]]];
-      std::uint64_t count = 0;
-      for (const std::uint32_t there : neighbors_of(index, mesh, at)) count += places[there] != kLost;
-      begin_[at + 1] = count;
+      const std::span<const std::uint32_t> around = neighbors_of(index, mesh, at);
+      const auto is_there = [&](std::uint32_t there) { return places[there] != kLost; };
+      begin_[at + 1] =
+          std::uint64_t(all_are_there ? around.size() : std::count_if(around.begin(), around.end(), is_there));
     });
     begin_[0] = 0;
     std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
@@ -43,7 +45,6 @@ class SortedEdges {
       std::uint64_t next = begin_[at];
       for (const std::uint32_t there : neighbors_of(index, mesh, at))
         if (places[there] != kLost) neighbors_[next++] = places[there];
-      std::sort(neighbors_.begin() + std::ptrdiff_t(begin_[at]), neighbors_.begin() + std::ptrdiff_t(next));
     });
   }
 
@@ -82,11 +83,13 @@ void keep_nearest(const IndexView& index, std::vector<Key>& keys) {
 // The vertices around one, found along edges. Memory: 4 bytes a point.
 class RingSearch {
  public:
-  RingSearch(const IndexView& index, const SortedEdges& edges) : index_(index), edges_(edges), seen_(index.points, 0) {}
+  RingSearch(const IndexView& index, const SortedEdges& edges, int rings)
+      : index_(index), edges_(edges), seen_(rings == 1 ? 0 : index.points, 0) {}
 
   // Those up to `rings` edges away that lie within `squared_limit`, or with 0 rings those that paths reach which stay
   // within it: at most kMaxNeighbors, nearest first.
   const std::vector<Key>& find(Index at, int rings, float squared_limit) {
+    if (rings == 1) return find_ring(at, squared_limit);
     begin(at);
     std::size_t ring_begin = 0;
     for (int ring = 0; ring < rings; ++ring) {
@@ -102,6 +105,18 @@ class RingSearch {
   }
 
  private:
+  // No vertex is met twice.
+  const std::vector<Key>& find_ring(Index at, float squared_limit) {
+    here_ = position_of(index_, at);
+    reached_.clear();
+    for (const Index there : edges_.of(at)) {
+      const float squared = point::squared_length(position_of(index_, there) - here_);
+      if (squared <= squared_limit) reached_.push_back(point::neighbor_key(squared, there));
+    }
+    keep_nearest(index_, reached_);
+    return reached_;
+  }
+
   void begin(Index at) {
     here_ = position_of(index_, at);
     if (++round_ == 0) {  // the rounds begin again
@@ -273,12 +288,14 @@ class BallSearch {
 
 std::vector<LeafLists> find_rings(const IndexView& index, const NeighborSettings& settings, const SortedEdges& edges,
                                   std::vector<MeshBlock>& blocks, const std::stop_token& stop) {
-  tbb::enumerable_thread_specific<RingSearch> searches([&] { return RingSearch(index, edges); });
+  tbb::enumerable_thread_specific<RingSearch> searches([&] { return RingSearch(index, edges, settings.rings); });
+  tbb::enumerable_thread_specific<std::vector<Index>> rooms;
   const float limit = settings.radius > 0 ? settings.radius * settings.radius : std::numeric_limits<float>::infinity();
   std::vector<LeafLists> leaves(index.leaves);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     RingSearch& search = searches.local();
-    std::vector<Index>& lists = blocks[block].at;
+    std::vector<Index>& lists = rooms.local();
+    lists.clear();
     std::vector<std::size_t> begins;
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       begins.push_back(lists.size());
@@ -293,8 +310,8 @@ std::vector<LeafLists> find_rings(const IndexView& index, const NeighborSettings
       }
       leaves[leaf].k = int((lists.size() - begins.back()) / kLeafSize);
     }
-    lists.shrink_to_fit();
-    for (std::size_t leaf = first; leaf < last; ++leaf) leaves[leaf].list = lists.data() + begins[leaf - first];
+    const std::vector<Index>& kept = blocks[block].at = lists;
+    for (std::size_t leaf = first; leaf < last; ++leaf) leaves[leaf].list = kept.data() + begins[leaf - first];
   });
   return leaves;
 }
@@ -303,22 +320,22 @@ std::vector<LeafBalls> find_balls(const IndexView& index, const NeighborSettings
                                   const point::Radii& radii, std::vector<MeshBlock>& blocks,
                                   const std::stop_token& stop) {
   tbb::enumerable_thread_specific<BallSearch> searches([&] { return BallSearch(index, edges); });
+  tbb::enumerable_thread_specific<MeshBlock> rooms;
   std::vector<LeafBalls> leaves(index.leaves);
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t block) {
     BallSearch& search = searches.local();
-    auto& [at, lanes, in_radius] = blocks[block];
+    MeshBlock& room = rooms.local();
+    room.at.clear(), room.lanes.clear(), room.in_radius.clear();
     for (std::size_t leaf = first; leaf < last; ++leaf) {
       const std::vector<BallSearch::Reached>& found = search.find(Index(leaf), radii, settings.mesh_growth);
       leaves[leaf].count = int(found.size());
       for (const BallSearch::Reached& its : found) {
-        at.push_back(its.at);
-        lanes.push_back(its.lanes);
-        in_radius.push_back(its.lanes & its.in_radius);
+        room.at.push_back(its.at);
+        room.lanes.push_back(its.lanes);
+        room.in_radius.push_back(its.lanes & its.in_radius);
       }
     }
-    at.shrink_to_fit();
-    lanes.shrink_to_fit();
-    in_radius.shrink_to_fit();
+    const auto& [at, lanes, in_radius] = blocks[block] = room;
     std::size_t begin = 0;
     for (std::size_t leaf = first; leaf < last; begin += std::size_t(leaves[leaf++].count)) {
       leaves[leaf].at = at.data() + begin;
