@@ -15,6 +15,7 @@ import importlib
 import os
 import pathlib
 import shlex
+import subprocess
 import sys
 import tempfile
 import time
@@ -85,6 +86,10 @@ def main():
         start.write_text(f"#!/bin/sh\nexec {COMMANDS[args.emulator]} {shlex.quote(str(program))} \"$@\"\n")
         start.chmod(0o755)
         os.environ.update(POINTFAIR_BIN=str(start), WINEDEBUG="-all")
+        if args.emulator == "wine":
+            # the first program starts servers, which keep its output open until no program has run for a while: a test
+            # would wait for that as for the end of its output
+            subprocess.run([start, "--version"], check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         if COMMANDS[args.emulator]:
             os.environ.setdefault("POINTFAIR_KILLS", "3")  # half as often: each kill runs the program for a minute there
             importlib.import_module("program").TIMEOUT = 1200  # an emulator takes some ten times as long
