@@ -50,6 +50,7 @@ void parallel_invoke(const Bodies&... bodies) {
 template <class T>
 class enumerable_thread_specific {
  public:
+  enumerable_thread_specific() : values_(1) {}
   template <class Make>
   explicit enumerable_thread_specific(const Make& make) {
     values_.push_back(make());
