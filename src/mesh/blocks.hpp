@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loops over blocks of fixed size and a sort by numbers, so that no result depends on the number of threads.
+// Loops, counts and sums over blocks of fixed size, and a sort by numbers, so that no result depends on the number of
+// threads.
 #pragma once
 
 #include <algorithm>
