@@ -53,7 +53,7 @@ Json solver_json(const SolverReport& solver) {
   return {{"iterations", solver.iterations}, {"residual", solver.residual}};
 }
 
-// "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; 12 faces folded before, 4 after"
+// "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; folded faces: 12 before, 4 after"
 std::string mesh_told(const MeshReport& mesh) {
   if (mesh.faces == 0) return {};
   std::string text = fmt::format("mesh of {} vertices and {} faces", mesh.vertices, mesh.faces);
@@ -64,7 +64,7 @@ std::string mesh_told(const MeshReport& mesh) {
   add(mesh.non_manifold_edges, "edges of more than two faces");
   add(mesh.isolated_points, "points without a face");
   add(mesh.boundary_vertices, "vertices on its boundary");
-  return text + fmt::format("; {} faces folded before, {} after\n", mesh.folded_before, mesh.folded_after);
+  return text + fmt::format("; folded faces: {} before, {} after\n", mesh.folded_before, mesh.folded_after);
 }
 
 bool is_noise_given(const Findings& findings) {
@@ -114,12 +114,43 @@ std::string zones_note(const Cloud& cloud, const Report& report, const Estimates
       estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
 }
 
+// That the normals in the file are not those of the result, and what renews them.
+std::string normals_note(const Cloud& cloud, const WriteOptions& options) {
+  const std::optional<Format> own = file_info(cloud).format;
+  const bool is_obj = own == Format::obj && options.format.value_or(*own) == Format::obj;
+  return std::string("the normals in the file are those from before; ") +
+         (is_obj ? "OBJ files keep theirs: write PLY with --normals update, or compute them again in another program"
+                 : "--normals update replaces them");
+}
+
+// That the coordinates of a file of floats are coarse where they are, as they are far from 0.
+std::string coarse_floats(const Cloud& cloud, const Estimates& estimates) {
+  constexpr Format kOfFloats[] = {Format::ply, Format::pcd, Format::npy, Format::stl};
+  const std::optional<Format> format = file_info(cloud).format;
+  const bool is_of_floats =
+      format && std::find(std::begin(kOfFloats), std::end(kOfFloats), *format) != std::end(kOfFloats);
+  if (!is_of_floats || position_type(cloud) != ScalarType::float32 || !(estimates.noise > 0)) return {};
+  float step = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const double end : {estimates.min[axis], estimates.max[axis]}) {
+      const auto farthest = static_cast<float>(std::abs(cloud.origin[axis] + end));
+      step = std::max(step, std::nextafter(farthest, HUGE_VALF) - farthest);
+    }
+  }
+  if (!(step > estimates.noise)) return {};
+  return fmt::format(
+      "coordinates of the file are 32-bit floats, which lie {:.4g} apart so far from 0, coarse against the noise of "
+      "{:.4g}: what is finer was lost when it was written; write doubles there, or coordinates near 0",
+      step, estimates.noise);
+}
+
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
-                               const Findings& findings) {
+                               const Estimates& estimates, const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
-    result.push_back("the normals in the file are those from before; --normals update replaces them");
-  if (const std::string coarse = coarse_steps(findings.step, findings.noise); !coarse.empty()) result.push_back(coarse);
+    result.push_back(normals_note(cloud, options));
+  for (const std::string& coarse : {coarse_steps(findings.step, findings.noise), coarse_floats(cloud, estimates)})
+    if (!coarse.empty()) result.push_back(coarse);
   return result;
 }
 
@@ -148,7 +179,7 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
-  findings.notes = notes(keeps_normals, options, after, findings);
+  findings.notes = notes(keeps_normals, options, after, estimates, findings);
   if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
     findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;

@@ -105,6 +105,24 @@ class Words(Case):
         said = self.ok("run", self.path("a.ply"), self.path("b.ply"), "--out-dir", self.path("out")).stderr.decode()
         self.assertIn("as for long-wave noise", said)
 
+    def test_a_cloud_without_anything_to_see_says_that_alone(self):
+        clouds = {"1 point is too few": [(1, 2, 3)], "2 points are too few": [(1, 2, 3), (2, 3, 4)], "all points lie at one place": [(1, 2, 3)] * 300}
+        for says, points in clouds.items():
+            write_ply(self.path("in.ply"), points)
+            for tiles in ([], ["--tiles", "2"]):
+                notes = [line for line in self.said(*tiles).splitlines() if line.startswith("note:")]
+                self.assertEqual(len(notes), 1, notes)
+                self.assertIn(says, notes[0])
+
+    def test_floats_that_lost_their_digits_far_from_0_are_told(self):
+        rng = random.Random(1)
+        near = [(rng.random() * 20, rng.random() * 20, rng.gauss(0, 0.03)) for _ in range(3000)]
+        far = [(x + 500_000, y + 5_800_000, z) for x, y, z in near]  # as in UTM
+        for points, scalar, told in ((near, "float", False), (far, "float", True), (far, "double", False)):
+            write_ply(self.path("text.ply"), points, scalar=scalar)
+            self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
+            (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said())
+
     def test_a_plain_scan_gets_no_note(self):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
         for tiles in ([], ["--tiles", "2"]):
