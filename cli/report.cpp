@@ -148,6 +148,10 @@ void check_no_table(const std::string& report) {
     throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON; name a .json file. Rows in CSV, one a "
                                               "file, come with pointfair run --each",
                                               report));
+  if (std::filesystem::path(report).extension() == ".pdf")
+    throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON, or a page if the name ends in .html; a "
+                                              "browser prints that page as PDF",
+                                              report));
 }
 
 void check_report(const std::string& report, const std::vector<std::string>& files) {

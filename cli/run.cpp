@@ -88,7 +88,9 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
 void check_files(const RunArguments& arguments) {
   if (!arguments.tiled.out_dir.empty()) return;
   if (!arguments.more.empty())
-    throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
+    throw Error(ErrorKind::usage,
+                fmt::format("several inputs, the last of them {}, need a folder for their results; give --out-dir",
+                            arguments.more.back()));
   if (is_survey(arguments.input))
     throw Error(ErrorKind::file, described_survey(arguments.input) + "; give --out-dir DIR for their results" +
                                      (arguments.each ? "" : ", and --each if they are not one cloud"));
