@@ -107,6 +107,15 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   return reasons;
 }
 
+UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed) {
+  OutlierCounts& kept = unmoved.outliers_by_reason;
+  kept.isolated -= std::min(kept.isolated, removed.isolated);
+  kept.off_surface -= std::min(kept.off_surface, removed.off_surface);
+  kept.mixed_pixels -= std::min(kept.mixed_pixels, removed.mixed_pixels);
+  unmoved.outliers -= std::min(unmoved.outliers, removed.total());
+  return unmoved;
+}
+
 // A point may be counted in both `kept` and `held`: limits hold outliers and points without a surface, too.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
   return points - std::min(points, kept + held);

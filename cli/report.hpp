@@ -37,6 +37,9 @@ std::string noise_source(const Params& asked, const std::string& attribute);
 /// `ignored`. Empty where there are none.
 std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored);
 
+/// The counts without outliers that are not in the result, and so were not kept in it.
+UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed);
+
 /// How many points a run treated: those that it neither kept nor held.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);
 /// A sentence where the limits let no point move; empty: they let some.

@@ -124,12 +124,12 @@ std::string normals_note(const Cloud& cloud, const WriteOptions& options) {
 }
 
 // That the coordinates of a file of floats are coarse where they are, as they are far from 0.
-std::string coarse_floats(const Cloud& cloud, const Estimates& estimates) {
+std::string coarse_floats(const Cloud& cloud, const Estimates& estimates, double noise) {
   constexpr Format kOfFloats[] = {Format::ply, Format::pcd, Format::npy, Format::stl};
   const std::optional<Format> format = file_info(cloud).format;
   const bool is_of_floats =
       format && std::find(std::begin(kOfFloats), std::end(kOfFloats), *format) != std::end(kOfFloats);
-  if (!is_of_floats || position_type(cloud) != ScalarType::float32 || !(estimates.noise > 0)) return {};
+  if (!is_of_floats || position_type(cloud) != ScalarType::float32 || !(noise > 0)) return {};
   float step = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     for (const double end : {estimates.min[axis], estimates.max[axis]}) {
@@ -137,19 +137,19 @@ std::string coarse_floats(const Cloud& cloud, const Estimates& estimates) {
       step = std::max(step, std::nextafter(farthest, HUGE_VALF) - farthest);
     }
   }
-  if (!(step > estimates.noise)) return {};
+  if (!(step > noise)) return {};
   return fmt::format(
       "coordinates of the file are 32-bit floats, which lie {:.4g} apart so far from 0, coarse against the noise of "
       "{:.4g}: what is finer was lost when it was written; write doubles there, or coordinates near 0",
-      step, estimates.noise);
+      step, noise);
 }
 
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
-                               const Estimates& estimates, const Findings& findings) {
+                               const Estimates& estimates, double noise, const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back(normals_note(cloud, options));
-  for (const std::string& coarse : {coarse_steps(findings.step, findings.noise), coarse_floats(cloud, estimates)})
+  for (const std::string& coarse : {coarse_steps(findings.step, noise), coarse_floats(cloud, estimates, noise)})
     if (!coarse.empty()) result.push_back(coarse);
   return result;
 }
@@ -179,7 +179,8 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
-  findings.notes = notes(keeps_normals, options, after, estimates, findings);
+  const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
+  findings.notes = notes(keeps_normals, options, after, estimates, noise, findings);
   if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
     findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;
@@ -207,7 +208,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
-          {"removed", findings.removed},
+          {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", mesh_json(report.mesh)},
           {"solver", solver_json(report.solver)},
@@ -226,11 +227,12 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     return;
   }
   if (with_details) print_details(report, findings.asked);
-  const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
+  const UnmovedCounts unmoved = without_removed(without(report.unmoved, findings.ignored), findings.removed);
+  const std::uint64_t points = report.points - findings.removed.total();
   const std::uint64_t kept = unmoved.total() + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n",
-             count_denoised(report.points, kept, findings.held), device_name(report.device.kind),
-             report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
+             count_denoised(points, kept, findings.held), device_name(report.device.kind), report.total_milliseconds,
+             kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0)
     fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)

@@ -2,6 +2,7 @@
 """What a run says of itself is so: where its noise comes from, why points stayed, when a result is doubtful."""
 import random
 import re
+import struct
 import unittest
 
 from program import Case, sphere_points, write_ply
@@ -122,6 +123,16 @@ class Words(Case):
             write_ply(self.path("text.ply"), points, scalar=scalar)
             self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
             (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said())
+
+    def test_steps_are_coarse_against_the_noise_that_was_given(self):
+        rng = random.Random(1)
+        write_ply(self.path("in.ply"), [(rng.random() * 20, rng.random() * 20, rng.gauss(0, 0.03)) for _ in range(3000)], scalar="double")
+        self.ok("run", self.path("in.ply"), self.path("in.las"), "--strength", "0")
+        step = max(struct.unpack_from("<3d", self.path("in.las").read_bytes(), 131))  # the header's scales
+        for noise, told in ((step / 10, True), (10 * step, False)):
+            for tiles in ([], ["--tiles", "2"]):
+                said = self.ok("run", self.path("in.las"), self.path("out.las"), "--force", "--noise", noise, *tiles).stderr.decode()
+                self.assertEqual("coarse against the noise of" in said, told, said)
 
     def test_a_plain_scan_gets_no_note(self):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
