@@ -48,7 +48,13 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
             return np.asarray(points)
         if hasattr(points, "__dlpack__"):
             return np.from_dlpack(points)
-        return np.asarray(memoryview(points))
+        try:
+            memory = memoryview(points)
+        except TypeError:
+            raise _no_array(points, name) from None
+        return np.asarray(memory)
+    except UsageError:
+        raise
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
         raise UsageError(f"{name} is {kind_of(points)}, which NumPy cannot see as an array: {error}") from None
 

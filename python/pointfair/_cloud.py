@@ -197,8 +197,17 @@ def read(path: str | os.PathLike[str], *, format: str | None = None, columns: Se
     """Reads a whole file; the content and the extension say the format, unless `format` does. Points stay in the order
     of the file, invalid ones included. `columns` names the columns of a text from the left, "x", "y" and "z" among them,
     where the file does not; `skip` lines at its front are passed over. Raises FileError with path, place and reason."""
-    names = [as_text(name, "the name of a column") for name in columns]
+    names = _column_names(columns)
     return Cloud._of(_native.read(_path(path), _optional(format, "format"), names, max(0, int(skip)), as_threads(threads)))
+
+
+def _column_names(columns: Any) -> list[str]:
+    if isinstance(columns, str):
+        raise UsageError(f"columns is a str: give a list of names, {columns.split(',')} for instance")
+    names = [as_text(name, "the name of a column") for name in columns]
+    if names and not all(names.count(axis) == 1 for axis in "xyz"):
+        raise UsageError(f"columns cannot be {names}: 'x', 'y' and 'z' must be there, once each")
+    return names
 
 
 def _path(path: Any) -> bytes:

@@ -119,7 +119,7 @@ def test_few_points(count, dtype):
 
 
 @pytest.mark.parametrize("wrong, advice", [
-    (POINTS.tolist(), "numpy.asarray"), (None, "numpy.asarray"), ("text", "pointfair.read"), (pathlib.Path("scan.ply"), "pointfair.read"), (5, "^points is an int: give an array, numpy"), (object(), "array"),
+    (POINTS.tolist(), "numpy.asarray"), (None, "numpy.asarray"), ("text", "pointfair.read"), (pathlib.Path("scan.ply"), "pointfair.read"), (5, "^points is an int: give an array, numpy"), (object(), "^points is an object: give an array, numpy"),
     (POINTS.astype(int), "float32 or float64"), (POINTS.astype(np.float16), "float32 or float64"),
     (POINTS.astype(np.longdouble), "float32 or float64"), (POINTS.astype(complex), "float32 or float64"),
     (POINTS.astype(object), "float32 or float64"), (POINTS > 0, "float32 or float64"), (POINTS[:, :2], r"\(N, 3\)"),

@@ -267,6 +267,14 @@ def test_arguments_in_each_others_place_are_named(tmp_path):
         pf.Pipeline(waves(5))
 
 
+@pytest.mark.parametrize("columns, says", [("x,y,z", r"columns is a str: give a list of names, \['x', 'y', 'z'\]"), (["a", "b", "c"], "once each"),
+                                           (["x", "y", "z", "x"], "once each"), ([3], "name of a column")])
+def test_columns_are_names_with_coordinates(tmp_path, columns, says):
+    (tmp_path / "a.csv").write_text("1,2,3\n")
+    with pytest.raises(pf.UsageError, match=says):
+        pf.read(tmp_path / "a.csv", columns=columns)
+
+
 def test_messages_of_the_library_name_arguments_of_python(tmp_path):
     (tmp_path / "a.data").write_text("one two\nthree four\n")
     with pytest.raises(pf.FileError, match=r"unknown format; say which it is \(format\)"):
