@@ -127,6 +127,13 @@ std::string no_such_value(const std::string& text) {
                      text.substr(middle + kMiddle.size()));
 }
 
+// "Value 400 not in range 0.000000 to 180.000000"
+std::string without_zeros(std::string text) {
+  constexpr std::string_view kZeros = ".000000";
+  for (std::size_t at = 0; (at = text.find(kZeros, at)) != std::string::npos;) text.erase(at, kZeros.size());
+  return text;
+}
+
 }  // namespace
 
 std::string words_of(const CLI::App* command) {
@@ -164,6 +171,8 @@ std::string told(const CLI::ParseError& error, CLI::App& app) {
     text = missing_value(text);
   } else if (dynamic_cast<const CLI::ConversionError*>(&error)) {
     text = no_such_value(text);
+  } else if (dynamic_cast<const CLI::ValidationError*>(&error)) {
+    text = without_zeros(text);
   }
   return fmt::format("{}; see {} --help", text, words_of(&command));
 }

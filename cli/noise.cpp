@@ -92,6 +92,7 @@ Verb add_noise(CLI::App& app) {
   command.add_option("IN", arguments->input, "mesh or cloud to read")->required();
   command.add_option("OUT", arguments->output, "cloud to write")->required();
   command.add_option("--points", arguments->points, "sample the mesh at N random places, uniformly by area")
+      ->check(whole_number_from(1))
       ->type_name("N");
   command
       .add_option("--sigma", arguments->sigma,
@@ -104,7 +105,9 @@ Verb add_noise(CLI::App& app) {
       .add_option("--outliers", arguments->outliers,
                   "move this share of the points anywhere in the bounding box, grown by 10 %")
       ->type_name("SHARE");
-  command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")->type_name("N");
+  command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")
+      ->check(whole_number_from(0))
+      ->type_name("N");
   add_threads(command, arguments->threads);
   add_input(command, arguments->in);
   add_format(command, arguments->format);

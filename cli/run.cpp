@@ -192,6 +192,7 @@ Verb add_run(CLI::App& app) {
       ->type_name("DIR")
       ->group(kMoreGroup);
   command.add_option("--tiles", arguments->tiled.tiles, "compute in at least N tiles on disk")
+      ->check(whole_number_from(0))
       ->type_name("N")
       ->group(kMoreGroup);
   command

@@ -340,7 +340,9 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.zone_side = seen.zones.side;
   if (!plan.zones().are_several()) refuse_stray_files(plan.files, seen.extents);
   const LeafTree tree = cut_into_tiles(plan, seen.sample, job.least_tiles);
-  fs::create_directories(work);
+  std::error_code failed;
+  fs::create_directories(work, failed);
+  if (failed) io::fail(platform::text_of(work), "this work folder cannot be made: " + failed.message());
   tree.save(work / kTreeName);
   const std::string text = text_of(plan);
   NewFile file(work / kPlanName, text.size());

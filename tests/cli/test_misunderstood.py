@@ -37,7 +37,20 @@ class Misunderstood(Case):
 
     def test_a_flag_without_its_value(self):
         self.assertEqual(self.of_run("--noise", says=[]), "--noise needs a value, LENGTH|auto; see pointfair run --help\n")
-        self.refused("noise", self.cloud, self.out, "--points", "many", says="--points cannot be 'many'")
+
+    def test_counts_are_whole_and_not_negative(self):
+        for words in (["bench", "--points"], ["noise", self.cloud, self.out, "--points"], ["noise", self.cloud, self.out, "--seed"],
+                      ["run", self.cloud, self.out, "--tiles"], ["run", self.cloud, self.out, "--skip"], ["tile", "plan", self.cloud, "--tiles"]):
+            for value in ("-1", "1e5", "100,000", "many"):
+                self.refused(*words, value, says=f"{words[-1]}: '{value}' is no whole number from ")
+        self.refused("bench", "--points", "0", says="from 1 on")
+        self.refused("view", "--port", "99999", says="--port cannot be '99999'")
+
+    def test_ranges_are_told_in_plain_numbers(self):
+        self.refused("compare", self.cloud, self.cloud, "--edges", "400", says="range 0 to 180;")
+
+    def test_a_work_folder_that_is_a_file(self):
+        self.fails(3, "run", self.cloud, self.out, "--work", self.cloud, says=["in.ply", "this work folder cannot be made"])
 
     def test_the_verb_is_not_guessed_to_be_the_opposite(self):
         self.refused("denoise", self.cloud, self.out, says="did you mean run?")
