@@ -123,6 +123,9 @@ class Words(Case):
             write_ply(self.path("text.ply"), points, scalar=scalar)
             self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
             (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said())
+            info = self.ok("info", self.path("in.ply")).stdout.decode()
+            self.assertEqual("32-bit floats, which lie 0.5 apart" in info, told)
+            self.assertIn("attributes  none", info)
 
     def test_steps_are_coarse_against_the_noise_that_was_given(self):
         rng = random.Random(1)
