@@ -175,6 +175,29 @@ TEST(FaceFilter, shape_is_given_back_and_noise_is_not) {
   EXPECT_LT(std::sqrt(elsewhere / double(flat)), 0.15 * taken.noise);
 }
 
+// One height for each four by four vertices.
+TEST(FaceFilter, noise_that_is_alike_from_vertex_to_vertex_is_no_shape) {
+  const Mesh mesh = meshes::sheet(40, Sides::triangles);
+  const Prepared prepared(mesh);
+  Points input = mesh.points;
+  shapes::Random random(8);
+  for (int i = 0; i <= 40; i += 4)
+    for (int j = 0; j <= 40; j += 4) {
+      const float height = float(0.2 / 40 * random.normal());
+      for (int a = i; a < std::min(i + 4, 41); ++a)
+        for (int b = j; b < std::min(j + 4, 41); ++b) input[std::size_t(a * 41 + b)].z += height;
+    }
+  Points its_input(input.size()), places(input.size());
+  for (std::size_t i = 0; i < input.size(); ++i) {
+    its_input[prepared.vertices.of_point[i]] = input[i];
+    places[prepared.vertices.of_point[i]] = mesh.points[i];
+  }
+  const Points before = places;
+  give_back_shape(prepared.faces, std::vector<std::uint8_t>(places.size()), std::vector(places.size(), 0.2 / 40),
+                  its_input, places, one_after_the_other);
+  EXPECT_TRUE(shapes::same_bits(places, before));
+}
+
 // Of the normals, in the mean, beside one that evens out alone.
 TEST(FaceFilter, a_run_along_a_mesh_leaves_smoother_faces) {
   Mesh mesh = noisy(60, Sides::triangles, 0.3);

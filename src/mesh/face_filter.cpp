@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "mesh/ring_sums.hpp"
 
@@ -12,11 +13,12 @@ namespace {
 using Vec = point::Vec3<double>;
 
 constexpr int kFilterRounds = 8, kMoves = 6;
-constexpr double kTurn = 2;     // t_f, in sigma_f / l_f
-constexpr double kStep = 1.5;   // a vertex is a third of the middle of a triangle
-constexpr int kRings = 3;       // over which what was taken is summed
-constexpr double kMeanOf = 20;  // vertices, in a mesh of triangles of which six meet at each
-constexpr double kDoubt = 4;    // squared deviations of a mean that noise explains
+constexpr double kTurn = 2;                         // t_f, in sigma_f / l_f
+constexpr double kStep = 1.5;                       // a vertex is a third of the middle of a triangle
+constexpr int kRings = 3;                           // over which what was taken is summed
+constexpr double kMeanOf = 20;                      // vertices, in a mesh of triangles of which six meet at each
+constexpr double kLittleAlike = 0.3, kAlike = 0.6;  // noise that is alike from vertex to vertex passes for shape
+constexpr double kDoubt = 4;                        // squared deviations of a mean that noise explains
 
 // Of a face: its normal, and its area or, once normals are filtered, n.c of its middle c.
 struct FacePlane {
@@ -72,6 +74,38 @@ Vec filtered_normal(std::span<const FacePlane> planes, const OrderedFaces& faces
 
 Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
+// What was taken along the normals.
+struct Taken {
+  Vec along;
+  double squares, count;  // of vertices that moved
+  double all;             // vertices
+  void add(const Taken& other) {
+    along = along + other.along, squares += other.squares, count += other.count, all += other.all;
+  }
+};
+
+// How alike what was taken from vertices beside each other is: their correlation.
+double likeness(const OrderedFaces& faces, std::span<const Taken> taken, const ForEach& for_each) {
+  struct Sums {
+    double products = 0, squares = 0;
+  };
+  std::vector<Sums> sums(mesh_blocks(taken.size()));
+  for_mesh_blocks(taken.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
+    Sums its;
+    for (auto v = std::uint32_t(first); v < last; ++v) {
+      for (const OrderedFaces::Beside& beside : faces.beside(v)) {
+        const Taken& there = taken[beside.after];
+        its.products += dot(taken[v].along, there.along);
+        its.squares += (taken[v].squares + there.squares) / 2;
+      }
+    }
+    sums[block] = its;
+  });
+  Sums all;
+  for (const Sums& its : sums) all.products += its.products, all.squares += its.squares;
+  return all.squares > 0 ? all.products / all.squares : 0;
+}
+
 }  // namespace
 
 void follow_filtered_normals(const OrderedFaces& faces, const MeshTopology& mesh, std::span<const std::uint8_t> stays,
@@ -114,13 +148,6 @@ void follow_filtered_normals(const OrderedFaces& faces, const MeshTopology& mesh
 
 void give_back_shape(const OrderedFaces& faces, std::span<const std::uint8_t> stays, std::span<const double> noise,
                      std::span<const Point> input, std::span<Point> places, const ForEach& for_each) {
-  struct Taken {
-    Vec along;
-    double squares, count, all;
-    void add(const Taken& other) {
-      along = along + other.along, squares += other.squares, count += other.count, all += other.all;
-    }
-  };
   platform::LargeVector<Vec> normals(places.size());
   platform::LargeVector<Taken> taken(places.size());
   for_vertices(places.size(), for_each, [&](std::uint32_t v) {
@@ -132,13 +159,16 @@ void give_back_shape(const OrderedFaces& faces, std::span<const std::uint8_t> st
     const double height = dot(normals[v], place_of(input, v) - place_of(places, v));
     taken[v] = {height * normals[v], height * height, 1, 1};
   });
+  const double vertices =
+      kMeanOf * std::clamp((kAlike - likeness(faces, taken, for_each)) / (kAlike - kLittleAlike), 0.0, 1.0);
+  if (!(vertices > 0)) return;
   sum_over_rings(faces, kRings, taken, for_each);
   for_vertices(places.size(), for_each, [&](std::uint32_t v) {
     const Taken& its = taken[v];
     if (stays[v] != 0 || !(its.count > 0)) return;
     const double mean = dot(its.along, normals[v]) / its.count,
                  squares = std::min(its.squares / its.count, noise[v] * noise[v]),
-                 share = 1 - kDoubt / (kMeanOf * its.count / its.all) * squares / (mean * mean);
+                 share = 1 - kDoubt * its.all / (vertices * its.count) * squares / (mean * mean);
     if (share > 0) places[v] = to_point(place_of(places, v) + share * mean * normals[v]);
   });
 }

@@ -123,15 +123,15 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
         stays[v] = edges.is_boundary[v] != 0 || (now.x == before.x && now.y == before.y && now.z == before.z);
       }
     });
-    const platform::LargeVector<double> noise =
+    const platform::LargeVector<double> by_steps =
         noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
-    even_out(its.faces, stays, share, noise, places, for_each);
+    even_out(its.faces, stays, share, by_steps, places, for_each);
     if (used.method == Method::bilateral) {
-      follow_filtered_normals(its.faces, its.topology, stays, noise, places, for_each);
+      follow_filtered_normals(its.faces, its.topology, stays, by_steps, places, for_each);
       give_back_shape(its.faces, stays, noise_of_vertices(used), its.places, places, for_each);
     }
     folds.emplace(its.faces, its.topology, places, for_each);
-    untangle(*folds, stays, noise, places);
+    untangle(*folds, stays, by_steps, places);
   }
   if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
   unfold(*folds, its.folded, its.places, places);
