@@ -15,6 +15,10 @@ def grid(rows, columns, wrap_rows=False, wrap_columns=False, quads=False):
     return quad if quads else np.concatenate([quad[:, [0, 1, 2]], quad[:, [0, 2, 3]]])
 
 
+def triangles_of(faces):
+    return faces if faces.shape[1] == 3 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
+
+
 def cube_surface(n):
     """A cube of [-1, 1]^3 with n x n quads a side, each cut in two; vertices welded."""
     t = np.linspace(-1, 1, n + 1)

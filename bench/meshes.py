@@ -24,7 +24,7 @@ import time
 
 import numpy as np
 
-from known_meshes import MESHES, noise_of
+from known_meshes import MESHES, noise_of, triangles_of
 
 POINTFAIR = {  # arguments of pointfair run
     "points": [],
@@ -58,10 +58,6 @@ def read_points(path, count):
 
 
 # --- measures --------------------------------------------------------------------------------------------------------
-def triangles_of(faces):
-    return faces if faces.shape[1] == 3 else np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-
-
 def face_normals(points, faces):
     diagonal = faces.shape[1] == 4
     a, b, c = (points[faces[:, i]] for i in range(3))

@@ -11,27 +11,22 @@
 
 #include "mesh/evening.hpp"
 #include "mesh/folds.hpp"
-#include "meshes.h"
 #include "pointfair/pipeline.hpp"
+#include "prepared_meshes.h"
 
 namespace pointfair {
 namespace {
 
+using meshes::at;
 using meshes::Face;
 using meshes::Mesh;
+using meshes::noisy;
+using meshes::normal_of;
+using meshes::one_after_the_other;
+using meshes::Prepared;
 using meshes::Sides;
+using meshes::Vec;
 using shapes::Points;
-using Vec = Eigen::Vector3d;
-
-Vec at(const Points& points, std::uint32_t i) { return {points[i].x, points[i].y, points[i].z}; }
-
-// Newell's, twice the area long.
-Vec normal_of(const Points& points, const Face& face) {
-  Vec sum = Vec::Zero();
-  for (std::size_t i = 0; i < face.size(); ++i)
-    sum += at(points, face[i]).cross(at(points, face[(i + 1) % face.size()]));
-  return sum;
-}
 
 // By the rule of docs/methods.md, from faces that all run round the same way.
 std::set<Face> folded_of(const Mesh& mesh) {
@@ -56,49 +51,11 @@ std::set<Face> folded_of(const Mesh& mesh) {
   return folded;
 }
 
-Mesh noisy(int n, Sides sides, double noise, std::uint64_t seed = 9) {
-  Mesh mesh = meshes::sheet(n, sides);
-  shapes::Random random(seed);
-  for (Point& p : mesh.points)
-    for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
-  return mesh;
-}
-
-const ForEach one_after_the_other = [](std::size_t count, const std::function<void(std::size_t)>& body) {
-  for (std::size_t i = 0; i < count; ++i) body(i);
-};
-
 std::vector<std::uint8_t> as_bytes(const Folds& folds) { return {folds.folded().begin(), folds.folded().end()}; }
 
-// A mesh whose points all differ, and its points in the order of the vertices and back.
-struct Prepared {
-  explicit Prepared(const Mesh& mesh)
-      : vertices(vertices_of(mesh.points, one_after_the_other)),
-        faces(vertices, meshes::polygons_of(mesh.faces), one_after_the_other),
-        topology(topology_of(vertices, faces, one_after_the_other)) {}
-
-  Points places(const Points& points) const {
-    const auto its = vertices.places(points, one_after_the_other);
-    return {its.begin(), its.end()};
-  }
-  Points points(const Points& places) const {
-    Points result(places.size());
-    for (std::size_t v = 0; v < places.size(); ++v) result[vertices.first[v]] = places[v];
-    return result;
-  }
-  std::vector<std::uint8_t> folded(const Points& points) const {
-    return as_bytes(Folds(faces, topology, places(points), one_after_the_other));
-  }
-  Face corners(std::size_t face) const {
-    Face its;
-    for (const std::uint32_t v : faces.corners(face)) its.push_back(vertices.first[v]);
-    return its;
-  }
-
-  Vertices vertices;
-  OrderedFaces faces;
-  MeshTopology topology;
-};
+std::vector<std::uint8_t> folded_at(const Prepared& mesh, const Points& points) {
+  return as_bytes(Folds(mesh.faces, mesh.topology, mesh.places(points), one_after_the_other));
+}
 
 // Of a face of `faces`, as the mesh has it.
 Face as_given(const Face& corners, const Mesh& mesh) {
@@ -112,7 +69,7 @@ TEST(Folds, are_faces_turned_from_those_around_them) {
   for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
     const Mesh mesh = noisy(24, sides, 0.45);
     const Prepared prepared(mesh);
-    const std::vector<std::uint8_t> folded = prepared.folded(mesh.points);
+    const std::vector<std::uint8_t> folded = folded_at(prepared, mesh.points);
     const std::set<Face> expected = folded_of(mesh);
     EXPECT_GT(expected.size(), 10u);
     std::set<Face> found;
@@ -213,15 +170,15 @@ TEST(Evening, steps_of_the_rings_tell_the_noise) {
 TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
   const Mesh before = noisy(20, Sides::triangles, 0.1), after = noisy(20, Sides::triangles, 0.5, 77);
   const Prepared prepared(before);
-  const std::vector<std::uint8_t> at_first = prepared.folded(before.points);
+  const std::vector<std::uint8_t> at_first = folded_at(prepared, before.points);
   Points places = prepared.places(after.points);
   Folds folds(prepared.faces, prepared.topology, places, one_after_the_other);
   unfold(folds, at_first, prepared.places(before.points), places);
   const Points points = prepared.points(places);
   const std::vector<std::uint8_t> left = as_bytes(folds);
-  EXPECT_EQ(left, prepared.folded(points));
+  EXPECT_EQ(left, folded_at(prepared, points));
   std::size_t folded = 0, whole = 0;
-  for (const std::uint8_t one : prepared.folded(after.points)) folded += one;
+  for (const std::uint8_t one : folded_at(prepared, after.points)) folded += one;
   EXPECT_GT(folded, 20u);
   for (std::size_t f = 0; f < left.size(); ++f) EXPECT_LE(left[f], at_first[f]);
   for (std::uint32_t i = 0; i < points.size(); ++i) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "mesh/blocks.hpp"
+#include "mesh/ring_sums.hpp"
 #include "seam/cloud_sample.hpp"
 
 namespace pointfair {
@@ -112,26 +112,14 @@ platform::LargeVector<double> noise_by_steps(const OrderedFaces& faces, std::spa
     double squares, count;
     void add(const Steps& other) { squares += other.squares, count += other.count; }
   };
-  platform::LargeVector<Steps> steps(places.size()), around(places.size());
-  const auto for_vertices = [&](const auto& body) {
-    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (auto v = std::uint32_t(first); v < last; ++v) body(v);
-    });
-  };
-  for_vertices([&](std::uint32_t v) {
+  platform::LargeVector<Steps> steps(places.size());
+  for_vertices(places.size(), for_each, [&](std::uint32_t v) {
     const bool counts = stays[v] == 0 && is_indexed(places[v]);
     steps[v] = counts ? Steps{squared_length(place_of(places, v) - place_of(input, v)), 1} : Steps{0, 0};
   });
-  for (int ring = 0; ring < kRings; ++ring) {
-    for_vertices([&](std::uint32_t v) {
-      around[v] = steps[v];
-      for (const OrderedFaces::Beside& its : faces.beside(v))
-        around[v].add(steps[its.after]), around[v].add(steps[its.before]);
-    });
-    steps.swap(around);
-  }
+  sum_over_rings(faces, kRings, steps, for_each);
   platform::LargeVector<double> noise(places.size());
-  for_vertices([&](std::uint32_t v) {
+  for_vertices(places.size(), for_each, [&](std::uint32_t v) {
     noise[v] = steps[v].count > 0 ? std::min(sigma, kNoiseOverSteps * std::sqrt(steps[v].squares / steps[v].count)) : 0;
   });
   return noise;

@@ -5,11 +5,13 @@
 #include <optional>
 #include <utility>
 
-#include "mesh/blocks.hpp"
 #include "mesh/evening.hpp"
+#include "mesh/face_filter.hpp"
 #include "mesh/neighborhoods.hpp"
+#include "mesh/ring_sums.hpp"
 #include "pipeline/run_state.hpp"
 #include "seam/cloud_sample.hpp"
+#include "seam/noise_levels.hpp"
 
 namespace pointfair {
 namespace {
@@ -91,6 +93,16 @@ double Pipeline::State::sigma_of(const Params& used) {
   return noise().sigma;
 }
 
+platform::LargeVector<double> Pipeline::State::noise_of_vertices(const Params& used) {
+  const double sigma = sigma_of(used);
+  const NoiseLevels* const its_levels = levels().get();
+  const platform::LargeVector<Point>& places = mesh().places;
+  platform::LargeVector<double> noise(places.size());
+  for_vertices(places.size(), on_host(),
+               [&](std::uint32_t v) { noise[v] = sigma * double(noise_level_at(its_levels, places[v])); });
+  return noise;
+}
+
 // What a run does to its result by the faces: vertices that it moved even out along the surface, and steps that fold
 // faces are shortened. Points that kept their place, as outliers and the boundary do, stay.
 MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out) {
@@ -111,11 +123,15 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
         stays[v] = edges.is_boundary[v] != 0 || (now.x == before.x && now.y == before.y && now.z == before.z);
       }
     });
-    const platform::LargeVector<double> noise =
+    const platform::LargeVector<double> by_steps =
         noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
-    even_out(its.faces, stays, share, noise, places, for_each);
+    even_out(its.faces, stays, share, by_steps, places, for_each);
+    if (used.method == Method::bilateral) {
+      follow_filtered_normals(its.faces, its.topology, stays, by_steps, places, for_each);
+      give_back_shape(its.faces, stays, noise_of_vertices(used), its.places, places, for_each);
+    }
     folds.emplace(its.faces, its.topology, places, for_each);
-    untangle(*folds, stays, noise, places);
+    untangle(*folds, stays, by_steps, places);
   }
   if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
   unfold(*folds, its.folded, its.places, places);

@@ -118,6 +118,7 @@ struct Pipeline::State {
   ForEach on_host();
   const LoadedMesh& mesh();
   double sigma_of(const Params& used);
+  platform::LargeVector<double> noise_of_vertices(const Params& used);
   MeshReport finish_mesh(const Params& used, std::span<Point> out);
   double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
   Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
