@@ -98,7 +98,8 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
 
 
 def _in_python(message: str) -> str:
-    """The program's message with the names of this module's arguments in place of flags."""
+    """The program's message with the names of this module's arguments in place of flags, and without its own help."""
+    message = message.partition("; see pointfair ")[0]
     for flag, name in (("--edges", "edges"), ("--normals", "normals"), ("--threads", "threads"), ("--as cloud", "as_cloud=True")):
         message = message.replace(flag, name)
     return message
