@@ -217,7 +217,7 @@ inline constexpr std::array kParams = {
               "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 6 times the noise", true},
     ParamInfo{"tangential", Stage::iterations, &Params::tangential, 0, 1, true, "",
               "with --connectivity mesh: how far vertices even out along the surface after the last iteration, which "
-              "removes the noise along it and unfolds faces; 0: not at all",
+              "removes the noise along it and unfolds faces; 0: all stay where the method puts them",
               true},
 };
 

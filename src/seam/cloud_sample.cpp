@@ -26,17 +26,19 @@ constexpr std::uint32_t kAll = std::numeric_limits<std::uint32_t>::max();
 // Hashes spread evenly, so that buckets of equal width hold one or two each: O(N).
 void order_candidates(std::vector<SampleCandidate>& candidates) {
   if (candidates.size() < 2) return;
-  const std::uint64_t buckets = candidates.size();
+  const std::size_t buckets = candidates.size();
   std::uint64_t most = 0;
   for (const SampleCandidate& candidate : candidates) most = std::max<std::uint64_t>(most, candidate.hash);
-  const auto bucket_of = [&](const SampleCandidate& candidate) { return candidate.hash * buckets / (most + 1); };
+  const auto bucket_of = [&](const SampleCandidate& candidate) {
+    return std::size_t(candidate.hash * std::uint64_t(buckets) / (most + 1));
+  };
   std::vector<std::uint32_t> next(buckets + 1, 0);
   for (const SampleCandidate& candidate : candidates) ++next[bucket_of(candidate) + 1];
-  for (std::uint64_t bucket = 0; bucket < buckets; ++bucket) next[bucket + 1] += next[bucket];
+  for (std::size_t bucket = 0; bucket < buckets; ++bucket) next[bucket + 1] += next[bucket];
   std::vector<SampleCandidate> ordered(candidates.size());
   for (const SampleCandidate& candidate : candidates) ordered[next[bucket_of(candidate)]++] = candidate;
   std::uint32_t begin = 0;
-  for (std::uint64_t bucket = 0; bucket < buckets; ++bucket) {  // now next[] is where each ends
+  for (std::size_t bucket = 0; bucket < buckets; ++bucket) {  // now next[] is where each ends
     if (next[bucket] - begin > 1) std::sort(ordered.begin() + begin, ordered.begin() + next[bucket], comes_before);
     begin = next[bucket];
   }
@@ -68,7 +70,7 @@ Candidates refined(Candidates wanted) { return {wanted.limit, wanted.refinement 
 
 CloudSample draw_sample(const Bounds& bounds, std::size_t count, const Collect& collect) {
   if (bounds.valid == 0 || count == 0) return {bounds, {}, {}};
-  const std::size_t expected = std::min<std::size_t>(count, bounds.valid);
+  const auto expected = std::size_t(std::min<std::uint64_t>(count, bounds.valid));
   std::vector<SampleCandidate> candidates;
   for (Candidates wanted = first_candidates(bounds.valid, count);;) {
     candidates = collect(wanted);
