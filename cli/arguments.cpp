@@ -131,6 +131,17 @@ void add_threads(CLI::App& command, unsigned& threads) {
       ->type_name("N");
 }
 
+CLI::Validator whole_number_from(std::uint64_t least) {
+  const auto check = [least](const std::string& text) {
+    std::uint64_t value = 0;
+    const char* const last = text.data() + text.size();
+    const auto [end, error] = std::from_chars(text.data(), last, value);
+    if (error == std::errc() && end == last && value >= least) return std::string();
+    return fmt::format("'{}' is no whole number from {} on, in digits alone", text, least);
+  };
+  return CLI::Validator(check, "");
+}
+
 std::optional<tbb::global_control> limit_threads(unsigned threads) {
   if (threads == 0) return std::nullopt;
   return std::make_optional<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);
@@ -157,6 +168,7 @@ void add_input(CLI::App& command, InputArguments& arguments) {
       ->type_name("NAMES")
       ->group(kInputGroup);
   command.add_option("--skip", arguments.skip, "skip the first N lines of a text; a copy keeps them")
+      ->check(whole_number_from(0))
       ->type_name("N")
       ->group(kInputGroup);
 }

@@ -170,6 +170,7 @@ Verb add_bench(CLI::App& app) {
                   "cloud to read; default: a bumpy sphere in random order with noise of one spacing")
       ->type_name("FILE");
   command.add_option("--points", arguments->points, "number of points of the bumpy sphere")
+      ->check(whole_number_from(1))
       ->type_name("N")
       ->excludes("--input");
   command.add_option("--repeat", arguments->repeat, "number of runs that are timed, after one to warm up")

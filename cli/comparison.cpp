@@ -74,8 +74,11 @@ void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) 
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {
   if (before.points.size() != after.points.size())
     throw Error(ErrorKind::file, fmt::format("{}: one has {} points and the other {}, so that no point of one can be "
-                                             "found in the other; name a cloud and its denoised copy",
-                                             names, before.points.size(), after.points.size()));
+                                             "found in the other; name a cloud and its denoised copy{}",
+                                             names, before.points.size(), after.points.size(),
+                                             before.points.size() > after.points.size()
+                                                 ? ". Where outliers were removed, --report of that run makes the page"
+                                                 : ""));
   Comparison result;
   measure_moves(before, after, result);
   compare_attributes(before, after, result);

@@ -61,8 +61,11 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
                    step);
   for (const std::string& note : notes_on_cloud(estimates)) fmt::format_to(out, "note        {}\n", note);
-  fmt::format_to(out, "attributes\n");
-  for (const AttributeInfo& attribute : attributes(cloud)) {
+  if (const std::string coarse = coarse_floats(cloud, estimates, estimates.noise); !coarse.empty())
+    fmt::format_to(out, "note        {}\n", coarse);
+  const std::vector<AttributeInfo> all = attributes(cloud);
+  text += all.empty() ? "attributes  none\n" : "attributes\n";
+  for (const AttributeInfo& attribute : all) {
     const std::string shape = attribute.components > 1 ? fmt::format(" x {}", attribute.components) : "";
     fmt::format_to(out, "  {:<19} {}{}\n", attribute.name, type_name(attribute.type), shape);
   }

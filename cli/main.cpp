@@ -8,13 +8,13 @@
 #include <filesystem>
 #include <iterator>
 #include <new>
-#include <numeric>
 #include <string>
 #include <vector>
 
 #include "arguments.hpp"
 #include "command_line.hpp"
 #include "interrupts.hpp"
+#include "misunderstood.hpp"
 #include "output.hpp"
 #include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
@@ -62,11 +62,7 @@ std::string help(const std::vector<Verb>& verbs) {
   return fmt::format(kHelp, version(), lines, wrapped(format_names()));
 }
 
-// "pointfair tile run" for instance, or without the command's own name.
-std::string words_of(const CLI::App* command) {
-  if (!command->get_parent()) return "pointfair";
-  return words_of(command->get_parent()) + " " + command->get_name();
-}
+// Without the command's own name.
 std::string words_before(const CLI::App& command) { return words_of(command.get_parent()); }
 
 // The help of a verb; `with_all`: also the flags that are seldom needed.
@@ -80,42 +76,6 @@ std::string help_of(CLI::App& command, bool with_all) {
   return command.help(words_before(command));
 }
 
-// The innermost command that was named.
-CLI::App& asked_command(CLI::App& app) {
-  CLI::App* command = &app;
-  while (!command->get_subcommands().empty()) command = command->get_subcommands().front();
-  return *command;
-}
-
-// Levenshtein's distance.
-std::size_t edits_between(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  std::iota(row.begin(), row.end(), 0u);
-  for (std::size_t i = 0; i < a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i + 1;
-    for (std::size_t j = 0; j < b.size(); ++j) {
-      const std::size_t replaced = diagonal + (a[i] == b[j] ? 0 : 1);
-      diagonal = row[j + 1];
-      row[j + 1] = std::min({row[j] + 1, diagonal + 1, replaced});
-    }
-  }
-  return row.back();
-}
-
-[[noreturn]] void refuse_verb(const std::string& word, const std::vector<Verb>& verbs) {
-  std::string closest;
-  std::size_t fewest = 3;  // more edits than two are no typo
-  for (const Verb& verb : verbs) {
-    const std::size_t edits = edits_between(word, verb.command->get_name());
-    if (edits >= fewest) continue;
-    fewest = edits;
-    closest = verb.command->get_name();
-  }
-  const std::string advice = closest.empty() ? "pointfair --help lists them" : fmt::format("did you mean {}?", closest);
-  throw Error(ErrorKind::usage, fmt::format("there is no verb {}; {}", word, advice));
-}
-
 // Returns the verb to run, or null where only help or the version was asked for, which is then printed.
 const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std::string> words) {
   if (words.empty() || words[0] == "--help" || words[0] == "-h") {
@@ -123,7 +83,8 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     return nullptr;
   }
   const auto is_named = [&](const Verb& verb) { return verb.command->get_name() == words[0]; };
-  if (!words[0].starts_with('-') && std::none_of(verbs.begin(), verbs.end(), is_named)) refuse_verb(words[0], verbs);
+  if (!words[0].starts_with('-') && std::none_of(verbs.begin(), verbs.end(), is_named))
+    throw Error(ErrorKind::usage, unknown_verb(words[0], app));
   words = complete_switches(std::move(words));
   std::reverse(words.begin(), words.end());  // as CLI11 wants them
   try {
@@ -138,7 +99,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     print_output(fmt::format("pointfair {}\n", version()));
     return nullptr;
   } catch (const CLI::ParseError& error) {
-    throw Error(ErrorKind::usage, fmt::format("{}; see {} --help", error.what(), words_of(&asked_command(app))));
+    throw Error(ErrorKind::usage, told(error, app));
   }
   return &*std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.command->parsed(); });
 }

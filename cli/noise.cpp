@@ -78,6 +78,8 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
   write(arguments.output, cloud, write_options);
   if (arguments.quiet) return;
   fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
+  if (width == 0 && outliers == 0 && !arguments.points)
+    fmt::print(stderr, "note: no noise was added; --sigma gives its width, as 0.3% of the diagonal\n");
   for (const std::string& note : losses(cloud, write_options.format, write_options.encoding))
     fmt::print(stderr, "note: {}\n", note);
 }
@@ -90,6 +92,7 @@ Verb add_noise(CLI::App& app) {
   command.add_option("IN", arguments->input, "mesh or cloud to read")->required();
   command.add_option("OUT", arguments->output, "cloud to write")->required();
   command.add_option("--points", arguments->points, "sample the mesh at N random places, uniformly by area")
+      ->check(whole_number_from(1))
       ->type_name("N");
   command
       .add_option("--sigma", arguments->sigma,
@@ -102,7 +105,9 @@ Verb add_noise(CLI::App& app) {
       .add_option("--outliers", arguments->outliers,
                   "move this share of the points anywhere in the bounding box, grown by 10 %")
       ->type_name("SHARE");
-  command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")->type_name("N");
+  command.add_option("--seed", arguments->seed, "the same seed gives the same bytes on any machine")
+      ->check(whole_number_from(0))
+      ->type_name("N");
   add_threads(command, arguments->threads);
   add_input(command, arguments->in);
   add_format(command, arguments->format);

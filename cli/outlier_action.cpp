@@ -25,6 +25,17 @@ std::uint8_t class_in(const std::string& text) {
   return static_cast<std::uint8_t>(value);
 }
 
+// Refuses a word that is no value of the parameter, and none of those that this file adds.
+void check_word(const ParamInfo& info, const std::string& text) {
+  Params params;
+  try {
+    set_param(params, info, text);
+  } catch (const Error&) {
+    throw Error(ErrorKind::usage, fmt::format("--outliers cannot be '{}': give one of {}|{} or auto", text, info.values,
+                                              kOutlierActions));
+  }
+}
+
 const char* attribute_of(const OutlierAction& action) {
   return action.kind == Kind::classify ? "classification" : "withheld";
 }
@@ -40,6 +51,7 @@ OutlierAction take_outlier_action(ParamArguments& params) {
     if (text == "remove") action.kind = Kind::remove;
     if (text == kClassify || text.starts_with("classify=")) action.kind = Kind::classify;
     if (text.starts_with("classify=")) action.value = class_in(text);
+    if (action.kind == Kind::none) check_word(*info, text);
     if (action.kind != Kind::none) text = "mark";
   }
   return action;

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 
 #include "output.hpp"
@@ -72,6 +73,26 @@ std::string coarse_steps(double step, double noise) {
       step, noise);
 }
 
+std::string coarse_floats(const Cloud& cloud, const Estimates& estimates, double noise) {
+  constexpr Format kOfFloats[] = {Format::ply, Format::pcd, Format::npy, Format::stl};
+  const std::optional<Format> format = file_info(cloud).format;
+  const bool is_of_floats =
+      format && std::find(std::begin(kOfFloats), std::end(kOfFloats), *format) != std::end(kOfFloats);
+  if (!is_of_floats || position_type(cloud) != ScalarType::float32 || !(noise > 0)) return {};
+  float step = 0;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (const double end : {estimates.min[axis], estimates.max[axis]}) {
+      const auto farthest = static_cast<float>(std::abs(cloud.origin[axis] + end));
+      step = std::max(step, std::nextafter(farthest, HUGE_VALF) - farthest);
+    }
+  }
+  if (!(step > noise)) return {};
+  return fmt::format(
+      "coordinates of the file are 32-bit floats, which lie {:.4g} apart so far from 0, coarse against the noise of "
+      "{:.4g}: what is finer was lost when it was written; write doubles there, or coordinates near 0",
+      step, noise);
+}
+
 Json rounding_json(double step) { return {{"step", step}, {"rms", kRoundingRms * step}}; }
 
 std::string rounding_text(double step) {
@@ -105,6 +126,15 @@ std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
   add(unmoved.boundary, "on the border of the mesh");
   add(ignored, "ignored");
   return reasons;
+}
+
+UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed) {
+  OutlierCounts& kept = unmoved.outliers_by_reason;
+  kept.isolated -= std::min(kept.isolated, removed.isolated);
+  kept.off_surface -= std::min(kept.off_surface, removed.off_surface);
+  kept.mixed_pixels -= std::min(kept.mixed_pixels, removed.mixed_pixels);
+  unmoved.outliers -= std::min(unmoved.outliers, removed.total());
+  return unmoved;
 }
 
 // A point may be counted in both `kept` and `held`: limits hold outliers and points without a surface, too.
@@ -147,6 +177,10 @@ void check_no_table(const std::string& report) {
   if (std::filesystem::path(report).extension() == ".csv")
     throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON; name a .json file. Rows in CSV, one a "
                                               "file, come with pointfair run --each",
+                                              report));
+  if (std::filesystem::path(report).extension() == ".pdf")
+    throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON, or a page if the name ends in .html; a "
+                                              "browser prints that page as PDF",
                                               report));
 }
 

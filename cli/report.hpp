@@ -25,6 +25,9 @@ Json outliers_json(const OutlierCounts& outliers);
 /// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
 std::string coarse_steps(double step, double noise);
 /// The error that rounding to such steps adds on each axis.
+/// That the coordinates of a file of 32-bit floats are coarse against the noise where they are, far from 0; else empty.
+std::string coarse_floats(const Cloud& cloud, const Estimates& estimates, double noise);
+
 Json rounding_json(double step);
 /// The line that tells it; empty without steps.
 std::string rounding_text(double step);
@@ -36,6 +39,9 @@ std::string noise_source(const Params& asked, const std::string& attribute);
 /// Why points kept their place: ": 5 not finite or beyond 1e18, 2 isolated"; the counts are all of `unmoved` and
 /// `ignored`. Empty where there are none.
 std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored);
+
+/// The counts without outliers that are not in the result, and so were not kept in it.
+UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed);
 
 /// How many points a run treated: those that it neither kept nor held.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);

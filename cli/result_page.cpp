@@ -8,6 +8,7 @@
 #include <cmath>
 #include <ctime>
 #include <future>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -78,7 +79,7 @@ class PageMaker {
     options.threads = job_.threads;
     after_ = read(job_.output, options);
     std::future<std::string> output_sum = std::async(std::launch::async, sha256_of, job_.output);
-    copy_ = compare_copies(before_, after_, fmt::format("{}, {}", job_.input.string(), job_.output.string()));
+    compare();
     estimates_ = pipeline_.estimates(stop_);
     noise_.resize(before_.points.size());
     pipeline_.noise(noise_, job_.asked, stop_);
@@ -93,6 +94,18 @@ class PageMaker {
   }
 
  private:
+  // Points that are not in the result have no displacement.
+  void compare() {
+    const Cloud remaining = job_.removed.empty() ? Cloud() : without_points(before_, job_.removed);
+    copy_ = compare_copies(job_.removed.empty() ? before_ : remaining, after_,
+                           fmt::format("{}, {}", job_.input.string(), job_.output.string()));
+    moved_ = copy_.moved;
+    if (job_.removed.empty()) return;
+    moved_.assign(before_.points.size(), std::numeric_limits<float>::quiet_NaN());
+    for (std::size_t i = 0, of_result = 0; i < moved_.size(); ++i)
+      if (job_.removed[i] == 0) moved_[i] = copy_.moved[of_result++];
+  }
+
   std::string typical_noise() const {
     const bool is_given = job_.noise_attribute.empty() && !job_.asked.noise.is_automatic() && job_.run;
     return fmt::format("{} ({})", length_(is_given ? job_.run->params.noise.value : estimates_.noise),
@@ -220,8 +233,8 @@ class PageMaker {
       double sum = 0, finite = 0;
       for (const std::uint32_t i : points) {
         noise.push_back(noise_[i]);
-        if (!std::isfinite(copy_.moved[i])) continue;
-        sum += copy_.moved[i];
+        if (!std::isfinite(moved_[i])) continue;
+        sum += moved_[i];
         ++finite;
       }
       const std::string title = is_class ? fmt::format("{} {}", part, class_name(part)) : std::to_string(part);
@@ -257,14 +270,15 @@ class PageMaker {
       const UnmovedCounts& unmoved = job_.run->unmoved;
       const OutlierCounts& by_reason = unmoved.outliers_by_reason;
       const std::uint64_t all = before_.points.size();
-      html = table_of("Why points were kept in place",
-                      {{"isolated: too few neighbours within reach", share_of(by_reason.isolated, all)},
-                       {"off the surface of their neighbours", share_of(by_reason.off_surface, all)},
-                       {"mixed pixels, between two surfaces", share_of(by_reason.mixed_pixels, all)},
-                       {"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
-                       {"no normal", share_of(unmoved.no_normal, all)},
-                       {"on the border of the mesh", share_of(unmoved.boundary, all)},
-                       {"not finite, or ignored", share_of(unmoved.non_finite, all)}});
+      html =
+          table_of(job_.removed.empty() ? "Why points were kept in place" : "Why points were kept in place, or removed",
+                   {{"isolated: too few neighbours within reach", share_of(by_reason.isolated, all)},
+                    {"off the surface of their neighbours", share_of(by_reason.off_surface, all)},
+                    {"mixed pixels, between two surfaces", share_of(by_reason.mixed_pixels, all)},
+                    {"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
+                    {"no normal", share_of(unmoved.no_normal, all)},
+                    {"on the border of the mesh", share_of(unmoved.boundary, all)},
+                    {"not finite, or ignored", share_of(unmoved.non_finite, all)}});
     } else if (!job_.outliers.empty()) {
       const auto marked = job_.outliers.size() - std::size_t(std::count(job_.outliers.begin(), job_.outliers.end(), 0));
       html = table_of("Marked in the result", {{"outliers", share_of(marked, before_.points.size())}});
@@ -274,7 +288,10 @@ class PageMaker {
 
   std::string stayed_section() const {
     std::vector<std::vector<std::string>> rows{{"what", "in the result"}};
-    rows.push_back({"points", fmt::format("{}, as many as before, in the same order", counted(after_.points.size()))});
+    const std::size_t removed = before_.points.size() - after_.points.size();
+    rows.push_back(
+        {"points", fmt::format("{}, {}, in the same order", counted(after_.points.size()),
+                               removed == 0 ? "as many as before" : counted(removed) + " removed as outliers")});
     for (const Comparison::Row& row : copy_.rows)
       rows.push_back({row.what, row.differ == 0 ? "the same, byte for byte" : counted(row.differ) + " differ"});
     for (const std::string& name : copy_.lost) rows.push_back({name, "not there"});
@@ -332,7 +349,7 @@ class PageMaker {
   Cloud after_;
   Comparison copy_;
   Estimates estimates_;
-  std::vector<float> noise_;
+  std::vector<float> noise_, moved_;  // of the points before; copy_ has those of the result
   std::string before_and_after_, noise_map_, displacement_map_, outlier_picture_;
 };
 

@@ -20,6 +20,7 @@ struct PageJob {
   std::string noise_attribute;          ///< that its noise came from
   std::vector<std::string> notes;       ///< warnings of the run; without one the page says what the two files show
   std::vector<std::uint8_t> outliers;   ///< the reason at each point, as Pipeline::outliers; empty: not known
+  std::vector<std::uint8_t> removed;    ///< not 0 at points of the input that the output does not have; empty: none
   unsigned threads = 0;
 };
 

@@ -88,7 +88,9 @@ std::optional<Findings> run_file(const RunArguments& arguments, Findings finding
 void check_files(const RunArguments& arguments) {
   if (!arguments.tiled.out_dir.empty()) return;
   if (!arguments.more.empty())
-    throw Error(ErrorKind::usage, "several inputs need a folder for their results; give --out-dir");
+    throw Error(ErrorKind::usage,
+                fmt::format("several inputs, the last of them {}, need a folder for their results; give --out-dir",
+                            arguments.more.back()));
   if (is_survey(arguments.input))
     throw Error(ErrorKind::file, described_survey(arguments.input) + "; give --out-dir DIR for their results" +
                                      (arguments.each ? "" : ", and --each if they are not one cloud"));
@@ -190,6 +192,7 @@ Verb add_run(CLI::App& app) {
       ->type_name("DIR")
       ->group(kMoreGroup);
   command.add_option("--tiles", arguments->tiled.tiles, "compute in at least N tiles on disk")
+      ->check(whole_number_from(0))
       ->type_name("N")
       ->group(kMoreGroup);
   command

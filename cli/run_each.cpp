@@ -163,7 +163,7 @@ void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_
   fs::create_directories(arguments.tiled.out_dir, failed);
   if (failed)
     throw Error(ErrorKind::file, arguments.tiled.out_dir + ": this folder cannot be made: " + failed.message());
-  if (!arguments.quiet)
+  if (!arguments.quiet && rows.size() > 1)
     fmt::print(stderr, "{} files, each on its own; without --each they would be one cloud\n", rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");

@@ -163,14 +163,16 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     write_displacement_attribute(cloud, arguments.write_displacement, denoised);
   std::vector<std::string> acted;
   std::optional<Cloud> remaining;
+  std::vector<std::uint8_t> reasons;  // of outliers
   if (acts) {
-    const std::vector<std::uint8_t> reasons = reasons_of(pipeline.outliers(), movable);
+    reasons = reasons_of(pipeline.outliers(), movable);
     const std::vector<Point> seen = limits.ignore.empty() ? cloud.points : without_ignored(limits, cloud).points;
     const OutlierOutcome outcome = act_on_outliers(arguments.outlier_action, reasons, seen, denoised);
     acted.push_back(outcome_text(arguments.outlier_action, outcome));
     // without one, the file stays a copy, whatever its format
     if (arguments.outlier_action.kind == OutlierAction::Kind::remove && outcome.outliers() > 0) {
       remaining = without_points(denoised, reasons);
+      findings.removed = {outcome.of_reason[1], outcome.of_reason[2], outcome.of_reason[3]};
       for (const std::string& loss : losses(*remaining, write_options.format, write_options.encoding))
         acted.push_back(loss);
     }
@@ -190,7 +192,6 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())
       findings.notes.push_back(left);
-    if (remaining) findings.removed = cloud.points.size() - remaining->points.size();
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);
     findings.report = pipeline.report();
@@ -198,10 +199,15 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   }
   if (!is_page(arguments.report)) return;
   progress.show(1, "drawing");
-  const PageJob job{arguments.input,         arguments.output,
-                    command_text(),          &findings.report,
-                    findings.asked,          findings.noise_attribute,
-                    findings.notes,          {pipeline.outliers().begin(), pipeline.outliers().end()},
+  const PageJob job{arguments.input,
+                    arguments.output,
+                    command_text(),
+                    &findings.report,
+                    findings.asked,
+                    findings.noise_attribute,
+                    findings.notes,
+                    {pipeline.outliers().begin(), pipeline.outliers().end()},
+                    remaining ? reasons : std::vector<std::uint8_t>{},
                     arguments.device.threads};
   write_text(arguments.report, result_page(job, cloud, pipeline, stop));
 }

@@ -53,7 +53,7 @@ Json solver_json(const SolverReport& solver) {
   return {{"iterations", solver.iterations}, {"residual", solver.residual}};
 }
 
-// "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; 12 faces folded before, 4 after"
+// "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; folded faces: 12 before, 4 after"
 std::string mesh_told(const MeshReport& mesh) {
   if (mesh.faces == 0) return {};
   std::string text = fmt::format("mesh of {} vertices and {} faces", mesh.vertices, mesh.faces);
@@ -64,7 +64,7 @@ std::string mesh_told(const MeshReport& mesh) {
   add(mesh.non_manifold_edges, "edges of more than two faces");
   add(mesh.isolated_points, "points without a face");
   add(mesh.boundary_vertices, "vertices on its boundary");
-  return text + fmt::format("; {} faces folded before, {} after\n", mesh.folded_before, mesh.folded_after);
+  return text + fmt::format("; folded faces: {} before, {} after\n", mesh.folded_before, mesh.folded_after);
 }
 
 bool is_noise_given(const Findings& findings) {
@@ -114,12 +114,22 @@ std::string zones_note(const Cloud& cloud, const Report& report, const Estimates
       estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
 }
 
+// That the normals in the file are not those of the result, and what renews them.
+std::string normals_note(const Cloud& cloud, const WriteOptions& options) {
+  const std::optional<Format> own = file_info(cloud).format;
+  const bool is_obj = own == Format::obj && options.format.value_or(*own) == Format::obj;
+  return std::string("the normals in the file are those from before; ") +
+         (is_obj ? "OBJ files keep theirs: write PLY with --normals update, or compute them again in another program"
+                 : "--normals update replaces them");
+}
+
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
-                               const Findings& findings) {
+                               const Estimates& estimates, double noise, const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
-    result.push_back("the normals in the file are those from before; --normals update replaces them");
-  if (const std::string coarse = coarse_steps(findings.step, findings.noise); !coarse.empty()) result.push_back(coarse);
+    result.push_back(normals_note(cloud, options));
+  for (const std::string& coarse : {coarse_steps(findings.step, noise), coarse_floats(cloud, estimates, noise)})
+    if (!coarse.empty()) result.push_back(coarse);
   return result;
 }
 
@@ -148,7 +158,8 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
-  findings.notes = notes(keeps_normals, options, after, findings);
+  const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
+  findings.notes = notes(keeps_normals, options, after, estimates, noise, findings);
   if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
     findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;
@@ -176,7 +187,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
-          {"removed", findings.removed},
+          {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", mesh_json(report.mesh)},
           {"solver", solver_json(report.solver)},
@@ -195,11 +206,12 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     return;
   }
   if (with_details) print_details(report, findings.asked);
-  const UnmovedCounts unmoved = without(report.unmoved, findings.ignored);
+  const UnmovedCounts unmoved = without_removed(without(report.unmoved, findings.ignored), findings.removed);
+  const std::uint64_t points = report.points - findings.removed.total();
   const std::uint64_t kept = unmoved.total() + findings.ignored;
   fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n",
-             count_denoised(report.points, kept, findings.held), device_name(report.device.kind),
-             report.total_milliseconds, kept, reasons_kept(unmoved, findings.ignored));
+             count_denoised(points, kept, findings.held), device_name(report.device.kind), report.total_milliseconds,
+             kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0)
     fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
   if (report.tiles > 1)

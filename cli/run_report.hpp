@@ -27,7 +27,7 @@ struct Findings {
   double float_step = 0;      // as in Estimates
   std::uint64_t ignored = 0;  // finite points left out by --ignore
   std::uint64_t held = 0;     // others that the limits did not let move
-  std::uint64_t removed = 0;  // outliers that the file written does not have
+  OutlierCounts removed;      // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
 };

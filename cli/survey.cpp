@@ -6,6 +6,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cerrno>
+#include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
@@ -48,7 +50,7 @@ fs::path file_of(const nlohmann::json& feature, const fs::path& vpc) {
 
 std::vector<fs::path> clouds_of(const fs::path& vpc) {
   std::ifstream file(vpc, std::ios::binary);
-  if (!file) fail(vpc, "cannot open");
+  if (!file) fail(vpc, fmt::format("cannot open: {}", std::strerror(errno)));
   std::vector<fs::path> files;
   try {
     const nlohmann::json json = nlohmann::json::parse(file);

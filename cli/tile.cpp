@@ -124,7 +124,7 @@ void add_plan(CLI::App& tile, const Shared& arguments) {
   part.add_option("--memory", arguments->tiled.memory,
                   "memory that a task may use, as 8G; default: half of the free memory")
       ->type_name("SIZE");
-  part.add_option("--tiles", arguments->tiled.tiles, "at least N tiles")->type_name("N");
+  part.add_option("--tiles", arguments->tiled.tiles, "at least N tiles")->check(whole_number_from(0))->type_name("N");
   add_params(part, arguments->params);
   add_limits(part, arguments->limits);
   add_viewpoint(part, arguments->viewpoint);

@@ -123,11 +123,14 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
 }
 
 void print_summary(const TiledReport& report) {
-  const UnmovedCounts& u = report.unmoved;
+  const bool removes = report.outlier_action.kind == OutlierAction::Kind::remove;
+  const auto& of_reason = report.outcome.of_reason;
+  const OutlierCounts removed = removes ? OutlierCounts{of_reason[1], of_reason[2], of_reason[3]} : OutlierCounts();
+  const UnmovedCounts u = without_removed(report.unmoved, removed);
   const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
   fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were{}\n",
-             count_denoised(report.points, kept, report.held), report.tiles, report.tiles == 1 ? "tile" : "tiles", kept,
-             reasons_kept(u, report.ignored));
+             count_denoised(report.points - removed.total(), kept, report.held), report.tiles,
+             report.tiles == 1 ? "tile" : "tiles", kept, reasons_kept(u, report.ignored));
   if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
   const std::optional<double> given = given_noise(report);
   const std::string source = noise_source(report.asked, report.noise_attribute);
@@ -135,7 +138,7 @@ void print_summary(const TiledReport& report) {
              noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
              rounding_text(report.step));
   std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
-                                    coarse_steps(report.step, report.noise.value_or(0))};
+                                    coarse_steps(report.step, given.value_or(report.noise.value_or(0)))};
   const std::vector<std::string> doubtful = notes_on_run(report);
   notes.insert(notes.end(), doubtful.begin(), doubtful.end());
   if (report.outlier_action.kind != OutlierAction::Kind::none)

@@ -29,7 +29,7 @@ PARAMETERS: tuple[Parameter, ...] = tuple(Parameter(*row) for row in parameter_t
 '''
 
 CLASS = '''
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, kw_only=True)
 class Params:
     """What a run does. Every field has a default that suits any cloud; ``"auto"`` is chosen from the data.
 

@@ -27,9 +27,7 @@ const char* class_name(ErrorKind kind) {
 }
 
 // Messages name flags as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
-void rename_flag(std::string& message, std::string_view name) {
-  std::string flag = "--" + std::string(name);
-  for (char& c : flag) c = c == '_' ? '-' : c;
+void rename_flag(std::string& message, const std::string& flag, std::string_view name) {
   for (std::size_t at = 0; (at = message.find(flag, at)) != std::string::npos;) {
     const std::size_t end = at + flag.size();
     const bool whole = end == message.size() || (message[end] != '-' && (message[end] < 'a' || message[end] > 'z'));
@@ -39,9 +37,10 @@ void rename_flag(std::string& message, std::string_view name) {
 }
 
 std::string in_python(std::string message) {
-  for (const ParamInfo& info : kParams) rename_flag(message, info.name);
-  for (const std::string_view name : kLimitNames) rename_flag(message, name);
-  rename_flag(message, "viewpoint");
+  for (const ParamInfo& info : kParams) rename_flag(message, flag_of(info.name), info.name);
+  for (const std::string_view name : kLimitNames) rename_flag(message, flag_of(name), name);
+  for (const std::string_view name : {"viewpoint", "columns", "skip"}) rename_flag(message, flag_of(name), name);
+  rename_flag(message, "--in-format", "format");
   return message;
 }
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import numbers
+import os
 import sys
 import warnings
 from typing import Any, Callable, Literal
@@ -11,7 +13,7 @@ import numpy as np
 
 from ._card import dlpack_device
 from ._errors import DeviceError, UsageError
-from ._values import encodable
+from ._values import encodable, kind_of
 
 _HOST = (1, 3, 11)  # DLPack's devices whose memory the host reads: CPU, CUDA's and ROCm's page-locked
 
@@ -25,21 +27,36 @@ def _refuse_devices(points: Any) -> None:
                           "tensor.cpu() in torch, array.get() in cupy")
 
 
+_MADE_OF = {"mask": "bool", "faces": "int"}  # what arguments are; all else is of floats
+
+
+def _no_array(value: Any, name: str) -> UsageError:
+    if isinstance(value, (str, bytes, os.PathLike)) and name in ("points", "xyz"):
+        return UsageError(f"{name} is {kind_of(value)}: give an array; of a file, pointfair.read(path) is a Cloud")
+    return UsageError(f"{name} is {kind_of(value)}: give an array, numpy.asarray({name}, {_MADE_OF.get(name, 'float')}) for instance")
+
+
 def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
     """The array as NumPy sees it, without a copy. Raises UsageError for what is no array."""
     if type(points) is np.ndarray:
         return points
-    if isinstance(points, (list, tuple, str, bytes)) or points is None:
-        raise UsageError(f"{name} is a {type(points).__name__}: give an array, numpy.asarray({name}, float) for instance")
+    if isinstance(points, (list, tuple, str, bytes, os.PathLike, numbers.Number)) or points is None:
+        raise _no_array(points, name)
     _refuse_devices(points)
     try:
         if hasattr(points, "__array__") or hasattr(points, "__array_interface__"):
             return np.asarray(points)
         if hasattr(points, "__dlpack__"):
             return np.from_dlpack(points)
-        return np.asarray(memoryview(points))
+        try:
+            memory = memoryview(points)
+        except TypeError:
+            raise _no_array(points, name) from None
+        return np.asarray(memory)
+    except UsageError:
+        raise
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
-        raise UsageError(f"{name} is a {type(points).__name__}, which NumPy cannot see as an array: {error}") from None
+        raise UsageError(f"{name} is {kind_of(points)}, which NumPy cannot see as an array: {error}") from None
 
 
 def check_floats(array: np.ndarray[Any, Any], name: str) -> None:
@@ -52,12 +69,21 @@ def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: b
     """Raises UsageError unless the array has N rows, or with `images` H x W pixels, of 3 or 4 float32 or float64."""
     check_floats(array, name)
     if array.ndim not in ((2, 3) if images else (2,)) or array.shape[-1] not in (3, 4):
-        advice = "; reshape(-1, 3) makes one of an image" if array.ndim == 3 else ""
+        advice = _how_to_positions(array, name)
         image = ", or an image of points, (H, W, 3)" if images else ""
         raise UsageError(f"{name} has the shape {array.shape}: give (N, 3), or (N, 4) whose last column stays{image}{advice}")
     if array.ndim == 3 and _is_no_image(array):
         warnings.warn(f"{name} has the shape {array.shape} and is taken as one image of points, but the points of its rows are in no order: "
                       "denoise_batch takes a batch of clouds, each for itself", stacklevel=3)
+
+
+def _how_to_positions(array: np.ndarray[Any, Any], name: str) -> str:
+    """What makes positions of an array of another shape; empty where nothing is likely."""
+    if array.ndim == 3:
+        return "; reshape(-1, 3) makes one of an image"
+    if array.ndim == 2 and array.shape[0] in (3, 4) and array.shape[1] > 4:
+        return f"; {name}.T has a point in each row"
+    return f"; {name}[:, :3] has the coordinates alone" if array.ndim == 2 and array.shape[1] > 4 else ""
 
 
 def _is_no_image(array: np.ndarray[Any, Any]) -> bool:
@@ -187,6 +213,8 @@ def as_sigmas(sigmas: Any, points: int, grid: tuple[int, ...] = ()) -> np.ndarra
     """One number for each point, as float32; no numbers for None."""
     if sigmas is None:
         return np.empty(0, np.float32)
+    if isinstance(sigmas, numbers.Number):
+        raise UsageError(f"sigmas is one number: give one for each of the {points} points, or this one as noise={sigmas} to run")
     array = as_numpy(sigmas, "sigmas")
     if array.dtype.kind not in "fiu":
         raise UsageError(f"sigmas has the type {array.dtype}: give numbers, a standard deviation for each point")

@@ -14,7 +14,7 @@ from ._errors import UsageError
 from ._native import Cloud as NativeCloud
 from ._progress import Progress, progress_function
 from ._runs import borrowed, make_params, run_cloud
-from ._values import as_text, as_threads
+from ._values import as_text, as_threads, kind_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from ._params import ParamArguments, Params
 
 _TYPES = ("int8", "uint8", "int16", "uint16", "int32", "uint32", "float32", "float64")
+_COORDINATES = ("x", "y", "z", "X", "Y", "Z")
 _PLY = "ply\nformat binary_little_endian 1.0\nelement vertex {}\n{}end_header\n"
 
 
@@ -76,6 +77,10 @@ class Cloud:
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The values of an attribute, (N,) or (N, C): a copy. Raises UsageError if there is none. O(N)."""
+        if not isinstance(name, str):
+            raise UsageError(f"a Cloud is indexed by names of attributes, not by {kind_of(name)}: cloud.xyz has the positions")
+        if name in _COORDINATES and name not in self:
+            raise UsageError(f"'{name}' is a coordinate and no attribute: cloud.xyz has the positions")
         return self.values(name)[name]
 
     def values(self, *names: str) -> dict[str, NDArray[Any]]:
@@ -90,6 +95,8 @@ class Cloud:
 
     def __setitem__(self, name: str, values: Any) -> None:
         """Adds an attribute, or replaces an added one: one value or one row for each point."""
+        if name in _COORDINATES and name not in self:
+            raise UsageError(f"'{name}' is a coordinate and no attribute: assign positions to cloud.xyz")
         array = np.ascontiguousarray(as_numpy(values, name))
         if array.dtype == np.bool_:
             array = array.view(np.uint8)
@@ -190,15 +197,25 @@ def read(path: str | os.PathLike[str], *, format: str | None = None, columns: Se
     """Reads a whole file; the content and the extension say the format, unless `format` does. Points stay in the order
     of the file, invalid ones included. `columns` names the columns of a text from the left, "x", "y" and "z" among them,
     where the file does not; `skip` lines at its front are passed over. Raises FileError with path, place and reason."""
-    names = [as_text(name, "the name of a column") for name in columns]
+    names = _column_names(columns)
     return Cloud._of(_native.read(_path(path), _optional(format, "format"), names, max(0, int(skip)), as_threads(threads)))
+
+
+def _column_names(columns: Any) -> list[str]:
+    if isinstance(columns, str):
+        raise UsageError(f"columns is a str: give a list of names, {columns.split(',')} for instance")
+    names = [as_text(name, "the name of a column") for name in columns]
+    if names and not all(names.count(axis) == 1 for axis in "xyz"):
+        raise UsageError(f"columns cannot be {names}: 'x', 'y' and 'z' must be there, once each")
+    return names
 
 
 def _path(path: Any) -> bytes:
     try:
         return os.fsencode(path)
     except (TypeError, UnicodeEncodeError):
-        raise UsageError(f"path cannot be {path!r}: give a text or a pathlib.Path") from None
+        shown = f"cannot be {path!r}" if isinstance(path, str) else f"is {kind_of(path)}"
+        raise UsageError(f"path {shown}: give a text or a pathlib.Path") from None
 
 
 def _optional(text: Any, name: str) -> str | None:
@@ -208,5 +225,6 @@ def _optional(text: Any, name: str) -> str | None:
 def write(path: str | os.PathLike[str], points: Any, *, format: str | None = None, encoding: str | None = None,
           overwrite: bool = False, strict: bool = False, threads: int = 0) -> None:
     """Writes a Cloud, or an array of positions, (N, 3). See Cloud.write."""
+    _path(path)  # which is wrong where both arguments are in each other's place
     cloud = points if isinstance(points, Cloud) else Cloud(points)
     cloud._write(path, format, encoding, overwrite, strict, threads)

@@ -83,7 +83,7 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
     for name, value in (("--edges", edges), ("--normals", normals)):
         arguments += [] if value is None else [name, str(value)]
     with tempfile.TemporaryDirectory(prefix="pointfair-") as folder:
-        paths = [_path(points, os.path.join(folder, f"{name}.ply")) for name, points in (("a", a), ("b", b))]
+        paths = [_path(points, folder, name) for name, points in (("a", a), ("b", b))]
         command = [program_path(), "compare", *paths, "--report", "-", *arguments]
         done = subprocess.run(command, capture_output=True, text=True, errors="replace")
     if done.returncode != 0:
@@ -98,15 +98,19 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
 
 
 def _in_python(message: str) -> str:
-    """The program's message with the names of this module's arguments in place of flags."""
+    """The program's message with the names of this module's arguments in place of flags, and without its own help."""
+    message = message.partition("; see pointfair ")[0]
     for flag, name in (("--edges", "edges"), ("--normals", "normals"), ("--threads", "threads"), ("--as cloud", "as_cloud=True")):
         message = message.replace(flag, name)
     return message
 
 
-def _path(points: Any, temporary: str) -> str:
+def _path(points: Any, folder: str, name: str) -> str:
     if isinstance(points, (str, os.PathLike)):
         return os.fspath(points)
     cloud = points if isinstance(points, Cloud) else Cloud(points)
+    if len(cloud) == 0:
+        raise UsageError(f"{name} has no points: there is nothing to compare")
+    temporary = os.path.join(folder, f"{name}.ply")
     cloud._native.write(os.fsencode(temporary), "ply", None, False, False, 0)  # what it does not keep is not compared
     return temporary

@@ -14,6 +14,8 @@ from ._values import as_threads
 
 Frame = TypeVar("Frame")
 
+_FEW_ROWS = 16  # an image of so few columns with more rows is none
+
 
 def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
     """Denoises a frame of a depth camera in a few milliseconds: an image of depths, or of points in the camera's own
@@ -47,6 +49,9 @@ def denoise_depth(frame: Frame, *, out: Any = None, threads: int = 0) -> Frame:
     check_floats(array, "frame")
     if array.ndim != 2 and (array.ndim != 3 or array.shape[2] not in (3, 4)):
         raise UsageError(f"frame has the shape {array.shape}: give depths, (H, W), or points, (H, W, 3)")
+    if array.ndim == 2 and array.shape[1] in (3, 4) and array.shape[0] > _FEW_ROWS:
+        raise UsageError(f"frame has the shape {array.shape}, which is that of points in a row and no image: give "
+                         "frame.reshape(H, W, -1), or depths, (H, W)")
     threads = as_threads(threads)
     result = np.empty(array.shape, array.dtype) if out is None else writable(out, array, "frame")
     if array.ndim == 2:

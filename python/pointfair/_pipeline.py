@@ -218,6 +218,8 @@ class Pipeline(Generic[Points]):
             >>> round(pipeline.estimates().noise, 3)
             0.01
         """
+        if self._native.holds == "nothing":
+            raise UsageError("the pipeline holds no cloud: call load first")
         self._native.set_noise(as_sigmas(sigmas, len(self), self._grid))
         self._note("noise of each point", sigmas)
 

@@ -12,20 +12,22 @@ from . import _native
 from ._arrays import as_box, as_mask, as_selections, as_strength, as_viewpoint
 from ._errors import FileError, UsageError
 from ._params import Params
-from ._values import as_text, as_threads
+from ._values import as_text, as_threads, kind_of
 
 _DEFAULT = Params()
 
 
-# What calls take beside parameters, to be guessed where a name is mistyped.
-_OF_CALLS = ("box", "device", "faces", "ignore", "mask", "normals", "out", "progress", "return_report", "step", "strength",
-             "threads", "viewpoint", "weights", "where")
+# What calls take beside parameters, to be guessed where a name is mistyped, and where a pipeline has it.
+_OF_CALLS = {"box": "Pipeline.run", "device": "Pipeline", "faces": "Pipeline.set_faces", "ignore": "Pipeline.load",
+             "mask": "Pipeline.run", "normals": "Pipeline.normals", "out": "Pipeline.run", "progress": "Pipeline.run",
+             "return_report": "Pipeline.report", "step": "Pipeline.run", "strength": "Pipeline.run", "threads": "Pipeline",
+             "viewpoint": "Pipeline.set_viewpoint", "weights": "Pipeline", "where": "Pipeline.run"}
 
 
 def make_params(params: Params | None, changes: Any) -> Params:
     """`params`, or the defaults, with the changes."""
     if params is not None and not isinstance(params, Params):
-        raise UsageError(f"params is a {type(params).__name__}: give a pointfair.Params")
+        raise UsageError(f"params is {kind_of(params)}: give a pointfair.Params, or parameters by their names, as k=24")
     if not changes:
         return _DEFAULT if params is None else params
     if params is not None:
@@ -45,6 +47,11 @@ def _params_of(changes: tuple[tuple[str, type, Any], ...]) -> Params:
 def _known(changes: dict[str, Any]) -> dict[str, Any]:
     for name in changes:
         if name not in Params.__dataclass_fields__:
+            if name in _OF_CALLS:
+                raise UsageError(f"there is no parameter '{name}', and this call takes no such argument: pointfair.denoise does, "
+                                 f"and for pipelines see pointfair.{_OF_CALLS[name]}")
+            if name == "preset":
+                raise UsageError("there is no parameter 'preset': pointfair.Params.paper() has that of the paper")
             near = difflib.get_close_matches(name, [*Params.__dataclass_fields__, *_OF_CALLS], 1)
             guess = f"did you mean {near[0]}? " if near else ""
             raise UsageError(f"there is no parameter '{name}': {guess}help(pointfair.Params) lists them")
@@ -111,7 +118,7 @@ def set_weights(pipeline: _native.Pipeline, weights: Any) -> None:
         try:
             path = os.fspath(weights)
         except TypeError:
-            raise UsageError(f"weights is a {type(weights).__name__}: give a file's path, or its bytes") from None
+            raise UsageError(f"weights is {kind_of(weights)}: give a file's path, or its bytes") from None
         try:
             with open(path, "rb") as file:
                 content = file.read()

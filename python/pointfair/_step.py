@@ -12,6 +12,7 @@ from ._cloud import Cloud
 from ._errors import UsageError
 from ._params import Params
 from ._runs import borrowed
+from ._values import kind_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,7 +50,7 @@ def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: 
                     threads: int) -> Any:
     """What denoise does where it was given a step; `box` and `strength` as as_box and as_strength give them."""
     if not callable(step):
-        raise UsageError(f"step is a {type(step).__name__}: give a function of points, neighbors, normals and noise")
+        raise UsageError(f"step is {kind_of(step)}: give a function of points, neighbors, normals and noise")
     if isinstance(points, Cloud):
         moved = points.copy()
         moved.xyz = denoise_by_step(points.xyz, step, params, mask=mask, box=box, strength=strength, device=device, threads=threads)

@@ -60,10 +60,16 @@ def encodable(text: str) -> str:
     return text.encode("utf-8", "backslashreplace").decode()
 
 
+def kind_of(value: Any) -> str:
+    """What a value is, in words: "a list", "an int"."""
+    name = type(value).__name__
+    return "None" if value is None else f"{'an' if name[0] in 'aeiouAEIOU' else 'a'} {name}"
+
+
 def as_text(value: Any, name: str) -> str:
     """A text, for the argument `name`."""
     if not isinstance(value, str):
-        raise UsageError(f"{name} cannot be {value!r}: give a text")
+        raise UsageError(f"{name} is {kind_of(value)}: give a text")
     return encodable(value)
 
 
@@ -82,12 +88,20 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
+def _check_is_one(value: Any, name: str) -> None:
+    """Raises UsageError for an array, whose text would be no answer."""
+    if not isinstance(value, (str, bytes)) and np.ndim(value) > 0:
+        of_points = "; Pipeline.set_noise takes one for each point" if name == "noise" else ""
+        raise UsageError(f"{name} cannot be {kind_of(value)}: give one value{of_points}")
+
+
 def native_params(params: Any, table: tuple[Parameter, ...]) -> _native.Params:
     """The library's parameters of a Params whose fields hold what the caller gave."""
     native = _native.Params()
     for parameter in table:
         value = getattr(params, parameter.name)
         if value is not parameter.default:
+            _check_is_one(value, parameter.name)
             native.set(parameter.name, text_of(value))
     native.check()
     return native

@@ -91,8 +91,25 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
                   "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
 }
 
+// Of points among which there is nothing to see, so that all else would be said of nothing. Whether it was so.
+bool add_nothing_to_see(const Look& look, std::vector<std::string>& notes) {
+  constexpr std::uint64_t kFew = 10;
+  const bool moved_none = look.without_surface >= look.finite;
+  if (look.finite == 0 || !moved_none) return false;
+  if (look.finite < kFew) {
+    notes.push_back(std::to_string(look.finite) + (look.finite == 1 ? " point is" : " points are") +
+                    " too few to show a surface, so none moved");
+  } else if (look.diagonal == 0 && look.spacing == 0) {
+    notes.push_back("all points lie at one place, so there is no surface and none moved");
+  } else {
+    return false;
+  }
+  return true;
+}
+
 std::vector<std::string> notes_on(const Look& look) {
   std::vector<std::string> notes;
+  if (add_nothing_to_see(look, notes)) return notes;
   add_coarse_floats(look, notes);
   add_sparse(look, notes);
   add_large(look, notes);

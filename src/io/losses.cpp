@@ -54,6 +54,12 @@ std::string name_of(Format format) {
   return row == std::end(kFormatNames) ? "such" : row->second;
 }
 
+bool is_one(const std::string& list) { return list.find(", ") == std::string::npos; }
+
+std::string attributes_told(const std::string& what) {
+  return (is_one(what) ? "the attribute " : "the attributes ") + what;
+}
+
 // Of things of one kind, as one list.
 std::string sentence(ContentKind kind, const std::string& what, const std::string& format) {
   switch (kind) {
@@ -62,15 +68,17 @@ std::string sentence(ContentKind kind, const std::string& what, const std::strin
     case ContentKind::some_colors:
       return what + " without a colour become white, since " + format + " files give one to each; OBJ and CSV do not";
     case ContentKind::numbers:
-      return format + " files have no place for the attributes " + what + "; PLY, PCD and CSV keep them";
+      return format + " files have no place for " + attributes_told(what) + "; PLY, PCD and CSV keep " +
+             (is_one(what) ? "it" : "them");
     case ContentKind::intensity:
       return "the attribute " + what + " is rounded or scaled to whole numbers from 0 to 65535, as " + format +
              " files have it; PLY, PCD and CSV keep its values";
     case ContentKind::names:
-      return format + " files do not name their columns, so the attributes " + what +
-             " stand there without their names; CSV, PLY and PCD keep them";
+      return format + " files do not name their columns, so " + attributes_told(what) +
+             (is_one(what) ? " stands there without its name" : " stand there without their names") +
+             "; CSV, PLY and PCD keep names";
     case ContentKind::wide_integers:
-      return "the attributes " + what + " have more digits than " + format +
+      return attributes_told(what) + (is_one(what) ? " has" : " have") + " more digits than " + format +
              " files hold, so the last ones are rounded; PCD, CSV and LAS keep them";
     default:
       return format + " files have no place for " + what;

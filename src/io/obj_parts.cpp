@@ -82,8 +82,7 @@ class PartsReader {
         parts_.materials.libraries.push_back(name);
       else if (known_.emplace(name, known_.size()).second)
         parts_.materials.all.push_back({name});
-      std::string_view material;
-      if (next_word(words, material)) ++materials_[std::string(material)];
+      if (!name.empty()) ++materials_[name];  // with its blanks, as exporters write them
     } else if (key == "g" || key == "o" || key == "s") {
       ++groups_;
     } else if (key.empty() || key[0] != '#') {

@@ -179,7 +179,7 @@ std::unique_ptr<Output> open_output(const fs::path& path, bool overwrite, bool s
     if (fd < 0) fail_to_write(name, errno);
     return std::make_unique<StreamOutput>(fd, name);
   }
-  if (status && !overwrite) fail(name, "exists already; choose another name or allow overwriting");
+  if (status && !overwrite) fail(name, "exists already; choose another name or set overwrite");
   // The file that a symbolic link names is replaced, not the link.
   std::error_code ignored;
   const fs::path target = status ? fs::canonical(path, ignored) : fs::absolute(path, ignored);

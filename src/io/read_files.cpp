@@ -34,7 +34,8 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
   const std::filesystem::path path(name);
   if (const auto format = format_of(path)) return *format;
   if (!path.has_extension() && io::looks_like_numbers(bytes)) return Format::xyz;
-  io::fail(name, std::string("unknown format; say which it is, or name the file ") + io::kKnownExtensions);
+  io::fail(name,
+           std::string("unknown format; say which it is (--in-format), or name the file ") + io::kKnownExtensions);
 }
 
 bool has_columns(Format format) {

@@ -106,7 +106,8 @@ std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view li
     ++found;
   }
   if (found < 3 || (layout_.exact && columns < wanted)) {
-    fail_at(line.data(), "too few values: " + quoted(line.substr(0, line.find('\r'))) + "; repair or remove the line");
+    fail_at(line.data(), "too few values: " + quoted(line.substr(0, line.find('\r'))) +
+                             "; points need x, y and z: repair or remove the line");
   }
   if (layout_.exact && row.next(kind, word)) {
     fail_at(line.data(), "more values than the header names, from " + quoted(word) + " on; repair the line");

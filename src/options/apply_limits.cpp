@@ -43,7 +43,7 @@ void append_numbers(std::string& text, const Numbers& numbers) {
 
 double strength_of(std::string_view text) {
   const std::vector<double> numbers = numbers_of(text);
-  if (numbers.size() != 1 || numbers[0] < 0 || numbers[0] > 1) refuse("strength", text, "a number from 0 to 1");
+  if (numbers.size() != 1 || numbers[0] < 0 || numbers[0] > 1) refuse("strength", text, "a number from 0 to 1, as 0.5");
   return numbers[0];
 }
 

@@ -25,7 +25,8 @@ std::vector<std::string_view> words_of(std::string_view values) {
 }
 
 [[noreturn]] void refuse(const ParamInfo& info, std::string_view text, const std::string& wanted) {
-  throw Error(ErrorKind::usage, flag_of(info.name) + " cannot be '" + std::string(text) + "': give " + wanted);
+  const std::string point = text.find(',') == std::string_view::npos ? "" : ", with a decimal point";
+  throw Error(ErrorKind::usage, flag_of(info.name) + " cannot be '" + std::string(text) + "': give " + wanted + point);
 }
 
 std::string number_text(double value) {

@@ -313,6 +313,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.memory = memory_of_task(job);
   std::vector<std::shared_ptr<Source>> sources;
   for (InputFile file : files_of(job)) {
+    if (!job.write.overwrite && fs::exists(file.output))  // rather than after the work
+      io::fail(platform::text_of(file.output), "exists already; add --force to replace it");
     file.fingerprint = fingerprint_of(file.path);
     const auto& source = sources.emplace_back(io::open_source(file.path, threads));
     refuse_if(why_not_written(job, *source, file.output));
@@ -338,7 +340,9 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.zone_side = seen.zones.side;
   if (!plan.zones().are_several()) refuse_stray_files(plan.files, seen.extents);
   const LeafTree tree = cut_into_tiles(plan, seen.sample, job.least_tiles);
-  fs::create_directories(work);
+  std::error_code failed;
+  fs::create_directories(work, failed);
+  if (failed) io::fail(platform::text_of(work), "this work folder cannot be made: " + failed.message());
   tree.save(work / kTreeName);
   const std::string text = text_of(plan);
   NewFile file(work / kPlanName, text.size());

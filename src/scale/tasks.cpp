@@ -192,7 +192,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   const InputFile& file = folder_.plan.files[task];
   const fs::path begun = folder_.begun_mark(task);
   if (!folder_.plan.write.overwrite && fs::exists(file.output) && !fs::exists(begun))
-    io::fail(platform::text_of(file.output), "exists already; add --force to the plan to replace it");
+    io::fail(platform::text_of(file.output), "exists already, which it did not when this was planned; move it away");
   mark(begun);
   const auto source = inputs_.open(task);
   source->place_at(folder_.plan.origin);

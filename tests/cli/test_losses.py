@@ -32,7 +32,7 @@ class Losses(Case):
                  "a.ptx": "100\n1\n0 0 9\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n" + "".join(f"{row} 0.5\n" for row in rows)}
         for name, text in texts.items():
             notes = self.notes(self.put(name, text), self.path("b" + name[1:]), "--outliers", "mark")
-            self.assertEqual([note for note in notes if "no place for the attributes outlier" in note], notes[:1], name)
+            self.assertEqual([note for note in notes if "no place for the attribute outlier;" in note], notes[:1], name)
             self.assertEqual(len(notes), 1, name)
 
     def test_strict_refuses_a_loss_before_the_run(self):
@@ -49,6 +49,12 @@ class Losses(Case):
         mesh = self.put("a.obj", "".join(f"v {row}\nvn 0 0 1\n" for row in ROWS.splitlines()))
         self.fails(2, "run", mesh, self.path("b.obj"), "--normals", "update", "--device", "cpu", says="not renewed")
         self.ok("run", mesh, self.path("b.ply"), "--normals", "update", "--device", "cpu")
+
+    def test_no_flag_is_advised_that_the_format_refuses(self):
+        mesh = self.put("a.obj", "".join(f"v {x % 10} {x // 10} {x % 7 / 9}\nvn 0 0 1\n" for x in range(100)))
+        said = [self.ok("run", mesh, self.path(name), "--noise", "1").stderr.decode() for name in ("b.obj", "b.ply")]
+        self.assertIn("note: the normals in the file are those from before; OBJ files keep theirs: write PLY", said[0])
+        self.assertIn("from before; --normals update replaces them", said[1])
 
     def test_columns_and_lines_that_the_file_does_not_explain(self):
         text = "A;B;C;D\n" + "".join("7;" + row.replace(" ", ";") + "\n" for row in ROWS.splitlines())

@@ -38,6 +38,7 @@ class Mesh(Case):
         def said(out):
             return self.ok("run", source, out, "--force", "--connectivity", "mesh").stderr.decode()
         self.assertIn("note: the result names my statue.mtl, which lies beside the input only", said(folder / "out.obj"))
+        self.assertIn("no place for 'my statue.mtl', 'skin'", said(folder / "out.ply"))
         self.assertNotIn("beside the input only", said(self.path("beside.obj")))
         (folder / "my statue.mtl").write_text("")
         self.assertNotIn("beside the input only", said(folder / "out.obj"))
@@ -46,7 +47,7 @@ class Mesh(Case):
         says = self.ok("run", self.mesh, self.path("out.off"), "--connectivity", "mesh").stderr.decode()
         self.assertIn(f"mesh of {24 * 24} vertices and {len(self.faces)} faces, {4 * 23} vertices on its boundary", says)
         found = self.report("run", self.mesh, self.path("again.off"), "--connectivity", "mesh")["mesh"]
-        self.assertIn(f"{found['folded_before']} faces folded before, {found['folded_after']} after", says)
+        self.assertIn(f"folded faces: {found['folded_before']} before, {found['folded_after']} after", says)
         self.assertLessEqual(found["folded_after"], found["folded_before"])
         before, after = self.mesh.read_text().splitlines(), self.path("out.off").read_text().splitlines()
         self.assertEqual(before[-len(self.faces):], after[-len(self.faces):])

@@ -108,6 +108,20 @@ class Classes(Case):
         said = self.ok("run", source, self.path("o.ply"), "--outliers", "remove").stderr.decode()
         self.assertIn("40 points are removed as outliers (", said)
         self.assertIn("3560 are left", said)
+        for tiles in ([], ["--tiles", "2"]):  # points that are gone were not kept
+            said = self.ok("run", self.las, self.path("o.las"), "--outliers", "remove", "--force", *tiles).stderr.decode()
+            self.assertRegex(said, r"^3560 points denoised .*, 0 kept as they were\n")
+
+    def test_the_page_on_a_result_without_its_outliers(self):
+        ids = ("uchar", "classification", [i % 3 for i in range(3600)])
+        source, page = write_ply(self.path("in.ply"), self.points, extra=[ids]), self.path("r.html")
+        self.ok("run", source, self.path("out.ply"), "--outliers", "remove", "--report", page)
+        html = page.read_text()
+        for text in ("3,560, 40 removed as outliers, in the same order", "kept in place, or removed", "the same, byte for byte"):
+            self.assertIn(text, html)
+        moved = self.report("run", source, self.path("again.ply"))["displacement"]["max"]
+        self.assertIn(f"{moved:.4g}"[:4], html)
+        self.fails(3, "certify", source, self.path("out.ply"), says=["3600", "3560", "--report of that run makes the page"])
 
     def test_faces_of_removed_points_go_too(self):
         faces = [(i, i + 1, i + 60) for i in range(3540) if i % 60 < 59]

@@ -2,6 +2,7 @@
 """What a run says of itself is so: where its noise comes from, why points stayed, when a result is doubtful."""
 import random
 import re
+import struct
 import unittest
 
 from program import Case, sphere_points, write_ply
@@ -104,6 +105,37 @@ class Words(Case):
             write_ply(self.path(name), points)
         said = self.ok("run", self.path("a.ply"), self.path("b.ply"), "--out-dir", self.path("out")).stderr.decode()
         self.assertIn("as for long-wave noise", said)
+
+    def test_a_cloud_without_anything_to_see_says_that_alone(self):
+        clouds = {"1 point is too few": [(1, 2, 3)], "2 points are too few": [(1, 2, 3), (2, 3, 4)], "all points lie at one place": [(1, 2, 3)] * 300}
+        for says, points in clouds.items():
+            write_ply(self.path("in.ply"), points)
+            for tiles in ([], ["--tiles", "2"]):
+                notes = [line for line in self.said(*tiles).splitlines() if line.startswith("note:")]
+                self.assertEqual(len(notes), 1, notes)
+                self.assertIn(says, notes[0])
+
+    def test_floats_that_lost_their_digits_far_from_0_are_told(self):
+        rng = random.Random(1)
+        near = [(rng.random() * 20, rng.random() * 20, rng.gauss(0, 0.03)) for _ in range(3000)]
+        far = [(x + 500_000, y + 5_800_000, z) for x, y, z in near]  # as in UTM
+        for points, scalar, told in ((near, "float", False), (far, "float", True), (far, "double", False)):
+            write_ply(self.path("text.ply"), points, scalar=scalar)
+            self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
+            (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said())
+            info = self.ok("info", self.path("in.ply")).stdout.decode()
+            self.assertEqual("32-bit floats, which lie 0.5 apart" in info, told)
+            self.assertIn("attributes  none", info)
+
+    def test_steps_are_coarse_against_the_noise_that_was_given(self):
+        rng = random.Random(1)
+        write_ply(self.path("in.ply"), [(rng.random() * 20, rng.random() * 20, rng.gauss(0, 0.03)) for _ in range(3000)], scalar="double")
+        self.ok("run", self.path("in.ply"), self.path("in.las"), "--strength", "0")
+        step = max(struct.unpack_from("<3d", self.path("in.las").read_bytes(), 131))  # the header's scales
+        for noise, told in ((step / 10, True), (10 * step, False)):
+            for tiles in ([], ["--tiles", "2"]):
+                said = self.ok("run", self.path("in.las"), self.path("out.las"), "--force", "--noise", noise, *tiles).stderr.decode()
+                self.assertEqual("coarse against the noise of" in said, told, said)
 
     def test_a_plain_scan_gets_no_note(self):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))

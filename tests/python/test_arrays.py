@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Arrays of every kind: the right result, or the right exception with a sentence."""
+import pathlib
 import warnings
 
 import numpy as np
@@ -118,12 +119,13 @@ def test_few_points(count, dtype):
 
 
 @pytest.mark.parametrize("wrong, advice", [
-    (POINTS.tolist(), "numpy.asarray"), (None, "numpy.asarray"), ("text", "numpy.asarray"), (5, "array"), (object(), "array"),
+    (POINTS.tolist(), "numpy.asarray"), (None, "numpy.asarray"), ("text", "pointfair.read"), (pathlib.Path("scan.ply"), "pointfair.read"), (5, "^points is an int: give an array, numpy"), (object(), "^points is an object: give an array, numpy"),
     (POINTS.astype(int), "float32 or float64"), (POINTS.astype(np.float16), "float32 or float64"),
     (POINTS.astype(np.longdouble), "float32 or float64"), (POINTS.astype(complex), "float32 or float64"),
     (POINTS.astype(object), "float32 or float64"), (POINTS > 0, "float32 or float64"), (POINTS[:, :2], r"\(N, 3\)"),
     (POINTS[0], r"\(N, 3\)"), (POINTS.reshape(2, 2, 100, 3), r"\(H, W, 3\)"), (np.empty(()), r"\(N, 3\)"),
-    (np.empty((5, 5)), r"\(N, 3\)"), (np.zeros(3, "f4,f4,f4"), "float32 or float64"),
+    (np.empty((5, 5)), r"\(N, 3\)"),
+    (POINTS.T, r"points.T has a point in each row"), (np.empty((50, 6)), r"points\[:, :3\] has the coordinates"), (np.zeros(3, "f4,f4,f4"), "float32 or float64"),
 ])
 def test_what_is_no_array_of_positions_is_refused_with_advice(wrong, advice):
     with pytest.raises(pf.UsageError, match=advice):

@@ -240,6 +240,51 @@ def test_attributes_that_cannot_be_are_refused(name, values):
         pf.Cloud(waves(5))[name] = values
 
 
+@pytest.mark.parametrize("name", ["x", "Y"])
+def test_a_coordinate_is_no_attribute(name):
+    cloud = pf.Cloud(waves(5))
+    with pytest.raises(pf.UsageError, match="assign positions to cloud.xyz"):
+        cloud[name] = np.zeros(5)
+    with pytest.raises(pf.UsageError, match="cloud.xyz has the positions"):
+        cloud[name]
+    assert not cloud.attributes
+
+
+def test_a_cloud_is_no_sequence():
+    cloud = pf.Cloud(waves(5))
+    for call in (lambda: cloud[0], lambda: cloud[:3], lambda: np.asarray(cloud), lambda: list(cloud)):
+        with pytest.raises(pf.UsageError, match="names of attributes.*cloud.xyz"):
+            call()
+
+
+def test_arguments_in_each_others_place_are_named(tmp_path):
+    with pytest.raises(pf.UsageError, match="^path is a ndarray: give a text") as raised:
+        pf.write(waves(5), tmp_path / "a.ply")
+    assert len(str(raised.value)) < 80
+    with pytest.raises(pf.UsageError, match="^path is a ndarray"):
+        pf.read(waves(5))
+    with pytest.raises(pf.UsageError, match="^device is a ndarray"):
+        pf.Pipeline(waves(5))
+
+
+@pytest.mark.parametrize("columns, says", [("x,y,z", r"columns is a str: give a list of names, \['x', 'y', 'z'\]"), (["a", "b", "c"], "once each"),
+                                           (["x", "y", "z", "x"], "once each"), ([3], "name of a column")])
+def test_columns_are_names_with_coordinates(tmp_path, columns, says):
+    (tmp_path / "a.csv").write_text("1,2,3\n")
+    with pytest.raises(pf.UsageError, match=says):
+        pf.read(tmp_path / "a.csv", columns=columns)
+
+
+def test_messages_of_the_library_name_arguments_of_python(tmp_path):
+    (tmp_path / "a.data").write_text("one two\nthree four\n")
+    with pytest.raises(pf.FileError, match=r"unknown format; say which it is \(format\)"):
+        pf.read(tmp_path / "a.data")
+    (tmp_path / "a.csv").write_text("a,b,c\n1,2,3\n")
+    with pytest.raises(pf.FileError, match="as in columns") as raised:
+        pf.read(tmp_path / "a.csv")
+    assert "--" not in str(raised.value)
+
+
 def test_errors_of_files_name_the_file_and_the_next_step(tmp_path):
     cloud = pf.Cloud(waves(5))
     with pytest.raises(pf.FileError, match="missing.ply"):
@@ -248,7 +293,7 @@ def test_errors_of_files_name_the_file_and_the_next_step(tmp_path):
     with pytest.raises(pf.FileError, match="broken.ply"):
         pf.read(tmp_path / "broken.ply")
     cloud.write(tmp_path / "a.ply")
-    with pytest.raises(pf.FileError, match="a.ply"):
+    with pytest.raises(pf.FileError, match="a.ply: exists already; choose another name or set overwrite"):
         cloud.write(tmp_path / "a.ply")
     cloud.write(tmp_path / "a.ply", overwrite=True)
     with pytest.raises(pf.FileError, match="unknown extension"):
@@ -274,10 +319,10 @@ def test_names_of_files_are_bytes(tmp_path):
     with pytest.raises(pf.FileError, match="fe.ply"):
         pf.read(os.fsencode(tmp_path) + b"/\xfe.ply")
     for wrong in (3, None, "\ud800"):
-        with pytest.raises(pf.UsageError, match="path cannot be"):
+        with pytest.raises(pf.UsageError, match="^path (is|cannot be)"):
             pf.read(wrong)
     for arguments in ({"format": 3}, {"format": "\ud800"}, {"threads": -1}):
-        with pytest.raises(pf.UsageError, match="cannot be"):
+        with pytest.raises(pf.UsageError, match="cannot be|is an int: give a text"):
             pf.read(path, **arguments)
     for name in (5, "\ud800", None):
         with pytest.raises(pf.UsageError):
@@ -301,7 +346,9 @@ def test_compare_measures_what_geometry_says(tmp_path):
     assert pf.compare(flat, pf.Cloud(flat)).max == 0
     with pytest.raises(pf.FileError, match="missing"):
         pf.compare(flat, tmp_path / "missing.ply")
-    with pytest.raises(pf.UsageError, match="(?<!-)edges"):
+    with pytest.raises(pf.UsageError, match="^edges: .* range 0 to 180$"):
         pf.compare(flat, flat, edges=1000)
     with pytest.raises(pf.UsageError, match="threads cannot be"):
         pf.compare(flat, flat, threads=1.0)
+    with pytest.raises(pf.UsageError, match="^b has no points"):
+        pf.compare(flat, flat[:0])

@@ -85,7 +85,7 @@ def test_an_organised_file_is_an_image(tmp_path):
 
 @pytest.mark.parametrize("wrong, advice", [
     (np.zeros(5, np.float32), r"\(H, W\)"), (np.zeros((4, 5, 2)), r"\(H, W, 3\)"), (np.zeros((4, 5), np.uint16), "float32 or float64"),
-    ([[1.0]], "array"),
+    ([[1.0]], "array"), (np.ones((307200, 3), np.float32), r"reshape\(H, W, -1\)"), (np.ones((100, 4)), r"reshape\(H, W, -1\)"),
 ])
 def test_what_is_no_frame_is_refused_with_advice(wrong, advice):
     with pytest.raises(pf.UsageError, match=advice):

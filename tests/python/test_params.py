@@ -69,8 +69,33 @@ def test_a_mistyped_name_is_guessed():
             pf.denoise(np.zeros((4, 3)), **{wrong: 3})
     with pytest.raises(pf.UsageError, match="no parameter 'zzz': help"):
         pf.denoise(np.zeros((4, 3)), zzz=3)
+    with pytest.raises(pf.UsageError, match=r"Params.paper\(\)"):
+        pf.denoise(np.zeros((4, 3)), preset="paper")
     taken = set(inspect.signature(pf.denoise).parameters) | set(inspect.signature(pf.Pipeline.run).parameters)
     assert set(_runs._OF_CALLS) <= taken
+
+
+def test_an_argument_of_another_call_is_not_guessed_to_be_itself():
+    pipeline, cloud = pf.Pipeline("cpu"), pf.Cloud(np.zeros((4, 3)))
+    for call, name, where in ((pipeline.resolve, "device", "Pipeline$"), (pipeline.resolve, "viewpoint", "Pipeline.set_viewpoint$"),
+                              (cloud.denoise, "return_report", "Pipeline.report$"), (pipeline.run, "normals", "Pipeline.normals$")):
+        with pytest.raises(pf.UsageError, match=f"no parameter '{name}', and this call takes no such argument.*{where}"):
+            call(**{name: True})
+    for name, attribute in _runs._OF_CALLS.items():  # each is there
+        assert attribute == "Pipeline" or hasattr(pf.Pipeline, attribute.removeprefix("Pipeline.")), name
+
+
+def test_parameters_have_names_only():
+    with pytest.raises(TypeError):
+        pf.Params(24)  # which would be the noise
+    for wrong, kind in ((24, "an int"), ({"k": 24}, "a dict"), (np.zeros((4, 3)), "a ndarray")):
+        with pytest.raises(pf.UsageError, match=f"params is {kind}: give.*k=24"):
+            pf.denoise(np.zeros((4, 3)), wrong)
+
+
+def test_one_noise_for_each_point_is_no_parameter():
+    with pytest.raises(pf.UsageError, match="^noise cannot be a ndarray: give one value; Pipeline.set_noise"):
+        pf.denoise(np.zeros((4, 3)), noise=np.full(4, 0.01))
 
 
 @st.composite

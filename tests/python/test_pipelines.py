@@ -110,7 +110,7 @@ def test_a_pipeline_that_holds_no_cloud_says_so_everywhere():
     pipeline = pf.Pipeline("cpu")
     assert len(pipeline) == 0 and "no cloud" in repr(pipeline)
     for call in (pipeline.run, pipeline.resolve, pipeline.estimates, pipeline.normals, pipeline.noise,
-                 lambda: pipeline.set_noise(None), lambda: pipeline.set_viewpoint((0, 0, 0)),
+                 lambda: pipeline.set_noise(None), lambda: pipeline.set_noise(np.ones(5)), lambda: pipeline.set_viewpoint((0, 0, 0)),
                  lambda: pipeline.run(mask=np.ones(5, bool))):
         with pytest.raises(pf.UsageError, match="the pipeline holds no cloud: call load first"):
             call()
@@ -191,7 +191,7 @@ def test_the_noise_at_each_point_is_told_and_given():
 
 @pytest.mark.parametrize("sigmas, advice", [
     (np.ones(5), "shape"), (np.zeros(3000), "positive"), (np.full(3000, np.nan), "positive"), ([0.01], "array"),
-    (np.ones((3000, 1)), "shape"), (np.ones(3000, bool), "type"), (np.ones(3000, complex), "type"),
+    (np.ones((3000, 1)), "shape"), (np.ones(3000, bool), "type"), (np.ones(3000, complex), "type"), (0.01, "one for each of the 3000 points.*noise=0.01"),
 ])
 def test_a_noise_that_is_none_is_refused(sigmas, advice):
     pipeline = pf.Pipeline("cpu")
@@ -229,7 +229,7 @@ def test_strength_blends():
 
 
 @pytest.mark.parametrize("arguments, advice", [
-    ({"mask": np.ones(5, bool)}, "mask has the shape"), ({"mask": np.ones(3000)}, "booleans"), ({"mask": [True]}, "mask"),
+    ({"mask": np.ones(5, bool)}, "mask has the shape"), ({"mask": np.ones(3000)}, "booleans"), ({"mask": [True]}, r"numpy.asarray\(mask, bool\)"),
     ({"strength": 2}, "strength"), ({"strength": "x"}, "strength"), ({"strength": np.nan}, "strength"), ({"box": 3}, "box"),
     ({"box": ((0, 0, 0), (1, 1, -1))}, "box"), ({"box": ((0, 0, np.nan), (1, 1, 1))}, "box"), ({"device": "gpu"}, "device"),
     ({"device": 3}, "device"), ({"device": "\ud800"}, "device"), ({"device": []}, "device"), ({"device": "cuda:x"}, "device"), ({"threads": -1}, "threads"), ({"threads": 1.5}, "threads"),
@@ -329,5 +329,5 @@ def test_weights_of_the_method_learned(tmp_path):
                              (b"", "weights: this is no file"), (tmp_path / "none.bin", "none.bin: cannot be read: No such")):
         with pytest.raises(pf.FileError, match=message):
             pf.denoise(POINTS, weights=weights)
-    with pytest.raises(pf.UsageError, match="weights is a int: give a file's path"):
+    with pytest.raises(pf.UsageError, match="weights is an int: give a file's path"):
         pf.Pipeline("cpu", weights=3)

@@ -77,7 +77,7 @@ def test_limits_act_on_the_result_as_in_other_runs():
 
 
 @pytest.mark.parametrize("arguments, message", [
-    (dict(step=3), "step is a int"), (dict(step=lambda *a: None), "step returned"), (dict(step=lambda p, *a: p[1:]), "step returned"),
+    (dict(step=3), "step is an int"), (dict(step=lambda *a: None), "step returned"), (dict(step=lambda p, *a: p[1:]), "step returned"),
     (dict(step=laplacian, return_report=True), "return_report does not go with step"),
     (dict(step=laplacian, viewpoint=(0, 0, 0)), "viewpoint does not go with step"),
 ])

@@ -78,7 +78,7 @@ FileInfo LasSource::info() const {
     for (const double value : values) {
       if (!text.empty()) text += ", ";
       char digits[32];
-      const int length = std::snprintf(digits, sizeof digits, "%.15g", value);
+      const int length = std::snprintf(digits, sizeof digits, "%.15g", value + 0.0);  // no -0
       text.append(digits, static_cast<std::size_t>(length));
     }
     return text;
