@@ -25,8 +25,7 @@ struct CertifyArguments {
 
 // The reasons that the run marked in the result; empty where it did not.
 std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
-  ReadOptions options;
-  options.threads = threads;
+  ReadOptions options{.threads = threads};
   const Cloud cloud = read(path, options);
   for (const AttributeInfo& info : attributes(cloud)) {
     if (info.name != "outlier" || info.type != ScalarType::uint8 || info.components != 1) continue;

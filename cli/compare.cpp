@@ -92,15 +92,14 @@ void compare(const CompareArguments& arguments) {
   const ReadOptions options = make_read_options(arguments.in, arguments.threads);
   const Cloud cloud = read(arguments.cloud, options);
   // what is said of A holds for B where both are files of one kind
-  ReadOptions plain;
-  plain.threads = arguments.threads;
+  ReadOptions plain{.threads = arguments.threads};
   const Cloud reference = read(arguments.reference, are_alike(arguments.cloud, arguments.reference) ? options : plain);
   const Distances comparison = compare_clouds(cloud, reference,
-                                               {arguments.as == "cloud",
-                                                arguments.edges,
-                                                arguments.normals,
-                                                arguments.threads,
-                                                {arguments.cloud, arguments.reference}});
+                                              {arguments.as == "cloud",
+                                               arguments.edges,
+                                               arguments.normals,
+                                               arguments.threads,
+                                               {arguments.cloud, arguments.reference}});
   write_report(arguments.report, comparison_json(comparison));
   if (arguments.report != "-") print_output(comparison_text(comparison));
 }

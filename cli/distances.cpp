@@ -111,9 +111,7 @@ std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surfa
 // Unit normals of the planes through the k nearest points (Hoppe 1992), zero where there is none. They are those of the
 // first stages of a run; lengths of which nothing depends here are given, so that none is looked for.
 std::vector<Point> plane_normals(const Cloud& cloud, int k, unsigned threads) {
-  Params params;
-  params.k = k;
-  params.iterations = 1;
+  Params params{.k = k, .iterations = 1};
   params.normal_sigma = 1e15;  // so wide that weights are equal
   params.closeness_sigma = params.similarity_sigma = 1;
   Pipeline pipeline({Device::cpu, 0, threads});

@@ -66,13 +66,12 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
 
 TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, const Limits& limits,
                         const std::string& noise_attribute, const Device& device) {
-  TiledJob job;
-  job.params = params;
-  job.limits = limits;
-  job.noise_attribute = noise_attribute;
-  job.viewpoint = arguments.viewpoint;
-  job.outlier_action = arguments.outlier_action;
-  job.inputs = {arguments.input};
+  TiledJob job{.inputs = {arguments.input},
+               .params = params,
+               .limits = limits,
+               .noise_attribute = noise_attribute,
+               .viewpoint = arguments.viewpoint,
+               .outlier_action = arguments.outlier_action};
   if (arguments.tiled.out_dir.empty()) {
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);

@@ -21,8 +21,7 @@ namespace pointfair::test {
 inline Cloud parse(const std::string& bytes, const std::string& name = "cloud.ply", std::optional<Format> format = {}) {
   const auto exact = std::make_unique_for_overwrite<std::byte[]>(bytes.size());
   if (!bytes.empty()) std::memcpy(exact.get(), bytes.data(), bytes.size());
-  ReadOptions options;
-  options.format = format;
+  ReadOptions options{.format = format};
   return read(std::span<const std::byte>(exact.get(), bytes.size()), name, options);
 }
 

@@ -203,10 +203,7 @@ inline std::vector<LasSpec> all_las_specs() {
   std::vector<LasSpec> specs;
   for (unsigned minor = 0; minor <= 4; ++minor) {
     for (unsigned format = 0; format <= last_format[minor]; ++format) {
-      LasSpec spec;
-      spec.minor = minor;
-      spec.format = format;
-      spec.seed = 17 * minor + format + 1;
+      LasSpec spec{.minor = minor, .format = format, .seed = 17 * minor + format + 1};
       specs.push_back(spec);
       spec.described = true;
       spec.plain_extra = 3;

@@ -29,9 +29,7 @@ inline std::string pcd(const std::string& fields, const std::string& sizes, cons
 
 // Three points of a file of records with a coordinate system, two others and a format of points.
 inline std::string las(unsigned seed) {
-  LasSpec spec;
-  spec.count = 3;
-  spec.seed = seed;
+  LasSpec spec{.count = 3, .seed = seed};
   return make_las(spec);
 }
 

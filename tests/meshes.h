@@ -139,10 +139,7 @@ struct Result {
 
 // Along the mesh, and nothing afterwards.
 inline Params along_mesh(Method method = Method::bilateral) {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = method;
-  params.tangential = 0;
+  Params params{.connectivity = Connectivity::mesh, .method = method, .tangential = 0};
   return params;
 }
 

@@ -88,8 +88,7 @@ TEST(Cards, share_a_cloud_with_the_bits_of_one_device) {
   expect_the_bits_of_one(shared, points, {}, 4);
   EXPECT_GT(runs[0], 0);
   EXPECT_GT(runs[1], 0) << "the second card had nothing to do";
-  Params params;
-  params.k = 8;
+  Params params{.k = 8};
   expect_the_bits_of_one(shared, shapes::with_invalid(cloud(40000), 9), params, 4);
   params.outliers = Outliers::mark;
   params.iterations = 3;
@@ -152,8 +151,7 @@ TEST(Cards, leave_runs_that_read_faces_to_the_cpu) {
 
 TEST(Cards, leave_runs_that_need_a_whole_cloud_to_the_cpu_where_it_is_in_tiles) {
   const MakeBackend card = [] { return std::make_unique<SmallBackend>(20000); };
-  Params params;
-  params.method = Method::implicit;
+  Params params{.method = Method::implicit};
   meshes::Mesh mesh;
   mesh.points = cloud(30000);
   expect_a_run_on_the_cpu(card, mesh, params);
@@ -194,8 +192,7 @@ TEST(Cards, that_share_a_cloud_know_where_the_sensor_stood) {
   const Points points = cloud(20000);
   std::vector<Origin> places;
   for (const Point& p : points) places.push_back({3.0 * p.x, 3.0 * p.y, 3 + 0.01 * p.z});
-  Params params;
-  params.along = Along::ray;
+  Params params{.along = Along::ray};
   Pipeline one(Device::cpu), shared = over({sharing, sharing}, 10000);
   std::vector<Points> out(2, Points(points.size()));
   std::size_t number = 0;
@@ -217,8 +214,7 @@ TEST(Cards, that_are_small_share_smaller_tiles) {
       SharingBackend::take(whole, tile);
     }
   };
-  Params params;
-  params.k = 8;
+  Params params{.k = 8};
   Pipeline shared = over({sharing, [] { return std::make_unique<SmallSharing>(); }}, 10000);
   expect_the_bits_of_one(shared, cloud(60000), params, 16);
 }
@@ -279,8 +275,7 @@ TEST(Cards, of_this_machine_share_a_cloud) {
   const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
   if (usable == 0) GTEST_SKIP() << "no card";
   const Points points = cloud(int(most_shared(1 << 21)));
-  Params params;
-  params.k = 8;
+  Params params{.k = 8};
   for (const int second : {0, int(usable) - 1}) {
     Pipeline shared =
         over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, points.size() / 2);

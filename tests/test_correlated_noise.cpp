@@ -74,8 +74,7 @@ TEST(CorrelatedNoise, is_told_from_other_noise_and_from_shape) {
 
 TEST(CorrelatedNoise, is_averaged_over_wider_neighbourhoods) {
   const Points noisy = with_correlated_noise(shapes::plane(kPoints), kSigma);
-  Params narrow;
-  narrow.min_neighbors = 16;
+  Params narrow{.min_neighbors = 16};
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));

@@ -54,10 +54,7 @@ std::vector<Point> noisy_sphere(int count) {
 }
 
 std::vector<Params> kinds_of_params() {
-  Params listed;
-  listed.k = 8;
-  listed.iterations = 1;
-  listed.outliers = Outliers::off;
+  Params listed{.k = 8, .outliers = Outliers::off, .iterations = 1};
   return {Params{}, listed};
 }
 
@@ -169,8 +166,7 @@ TEST_F(CudaDevicePointsTest, refined_points_stay_on_the_card) {
   std::vector<Point> expected(points.size()), result(points.size());
   const std::size_t bytes = points.size() * sizeof(Point);
   void* const memory = on_card(points.data(), bytes);
-  Params params;
-  params.method = Method::learned;
+  Params params{.method = Method::learned};
   Pipeline pipeline(Device::cuda);
   pipeline.load(points);
   pipeline.run(params, expected);

@@ -62,8 +62,7 @@ TEST_F(CudaMeshTest, equals_the_cpu_with_every_method_and_switch) {
       params.area_weight = AreaWeight::squared;
       if (rings != 3) expect_same(mesh, params, "with area weights");
     }
-  Params evened;
-  evened.connectivity = Connectivity::mesh;
+  Params evened{.connectivity = Connectivity::mesh};
   expect_same(mesh, evened, "nothing set");
   evened.outliers = Outliers::move;
   expect_same(mesh, evened, "outliers move");
@@ -79,10 +78,7 @@ TEST_F(CudaMeshTest, equals_the_cpu_where_there_is_a_border_and_where_noise_is_l
     for (std::size_t i = 0; i < mesh.points.size(); i += 97) mesh.points[i].z += 0.2f;  // outliers, lost in iterations
     mesh.points.push_back({0.5f, 0.5f, 3});
     for (const bool keeps : {true, false}) {
-      Params params;
-      params.connectivity = Connectivity::mesh;
-      params.keep_boundary = keeps;
-      params.iterations = 3;
+      Params params{.connectivity = Connectivity::mesh, .keep_boundary = keeps, .iterations = 3};
       expect_same(mesh, params, "whole");
       expect_same(meshes::unwelded(mesh), params, "unwelded");
       params.rings = 2;
@@ -130,9 +126,7 @@ TEST_F(CudaMeshTest, equals_the_cpu_around_a_hub) {
 
 TEST_F(CudaMeshTest, a_stopped_run_can_be_repeated) {
   const Mesh mesh = torus(20000, 0.3);
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.iterations = 2;
+  Params params{.connectivity = Connectivity::mesh, .iterations = 2};
   const meshes::Result expected = meshes::run(mesh, params);
   Pipeline pipeline(Device::cuda);
   pipeline.load(mesh.points);

@@ -145,8 +145,7 @@ TEST_F(CudaRadii, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
     tiles.load(points);
     cpu.load(points);
     for (const std::optional<double> flat_scale : {std::optional<double>(), std::optional<double>(1)}) {
-      Params params;
-      params.flat_scale = flat_scale;
+      Params params{.flat_scale = flat_scale};
       tiles.run(params, in_tiles);
       cpu.run(params, on_cpu);
       EXPECT_EQ(difference(in_tiles, on_cpu), "") << flat_scale.value_or(0);

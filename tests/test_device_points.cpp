@@ -18,8 +18,7 @@ TEST(DevicePoints, of_a_card_are_refused_by_a_pipeline_on_the_cpu) {
 TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which_keeps_its_cloud) {
   const std::vector<Point> points = shapes::sphere(500);
   std::vector<float> place(3 * points.size());
-  Params params;
-  params.k = 8;
+  Params params{.k = 8};
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   const DeviceOutput out{place.data(), points.size()};

@@ -229,8 +229,7 @@ TEST(E57Files, WhatCannotBeWrittenIsRefused) {
 
 TEST(E57New, EveryAttributeOfAnyCloudIsReadBack) {
   const std::size_t count = 20000;  // many packets
-  Cloud cloud;
-  cloud.origin = {500000, 4000000, 100};
+  Cloud cloud{.origin = {500000, 4000000, 100}};
   std::vector<double> time(count);
   std::vector<std::int16_t> angle(count);
   std::vector<std::uint8_t> color(count), mark(count);

@@ -12,8 +12,7 @@ namespace pointfair::test {
 namespace {
 
 std::string las_with(const std::vector<std::pair<unsigned, std::string>>& projections) {
-  LasSpec spec;
-  spec.records = false;
+  LasSpec spec{.records = false};
   const std::string las = make_las(spec);
   std::string records;
   for (const auto& [id, data] : projections) records += las_record("LASF_Projection", id, data, false);
@@ -43,9 +42,7 @@ std::string geo_keys(std::initializer_list<std::pair<int, int>> keys) {
 }  // namespace
 
 TEST(FileInfos, ALasFileSaysWhatItIs) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 7;
+  LasSpec spec{.minor = 4, .format = 7};
   const FileInfo info = info_of(make_las(spec));
   EXPECT_EQ(row(info, "version"), "LAS 1.4");
   EXPECT_EQ(row(info, "point_format"), "7");
@@ -132,8 +129,7 @@ TEST(FileInfos, GeoKeysNameSystemAndUnit) {
 
 TEST(FileInfos, LengthsInMetresFollowTheUnitOfTheLoadedFile) {
   Pipeline pipeline(Device::cpu);
-  Params params;
-  params.noise = {0.3048, Length::Unit::metre};
+  Params params{.noise = {0.3048, Length::Unit::metre}};
   const auto loaded = [&](const std::string& las) {
     pipeline.load(parse(las, "a.las"));
     return pipeline.resolve(params).noise.value;
@@ -174,16 +170,13 @@ TEST(FileInfos, OtherFormatsSayNothing) {
 
 TEST(LasScale, AFinerGridHoldsSmallMovesAndLeavesOthersWhereTheyAre) {
   for (const Format format : {Format::las, Format::laz}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = 6;
+    LasSpec spec{.minor = 4, .format = 6};
     const std::string las = make_las(spec);
     Cloud cloud = parse(las, "a.las");
     const float before = cloud.points[3].x;
     cloud.points[3].x += 0.0035F;
     const Folder folder;
-    WriteOptions options;
-    options.las_scale = 0.001;
+    WriteOptions options{.las_scale = 0.001};
     const auto path = folder / (format == Format::las ? "a.las" : "a.laz");
     write(path, cloud, options);
     const Cloud again = read(path);
@@ -207,8 +200,7 @@ TEST(LasScale, MustBeAWholePartThatFits) {
   const Cloud cloud = parse(make_las(LasSpec{}), "a.las");
   const Folder folder;
   const auto refused = [&](double scale, const char* name) {
-    WriteOptions options;
-    options.las_scale = scale;
+    WriteOptions options{.las_scale = scale};
     const Thrown thrown = thrown_by([&] { write(folder / name, cloud, options); });
     EXPECT_EQ(thrown.kind, ErrorKind::usage);
     EXPECT_EQ(thrown_by([&] { check_write(folder / name, cloud, options); }).message, thrown.message);

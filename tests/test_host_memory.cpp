@@ -25,8 +25,7 @@ TEST(HostBuffer, gives_the_same_as_ordinary_memory_on_every_device) {
       const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
       ASSERT_EQ(in.points().size(), points.size());
       std::copy(points.begin(), points.end(), in.points().begin());
-      Params params;
-      params.k = 8;
+      Params params{.k = 8};
       pipeline.load(in.points());
       std::fill(in.points().begin(), in.points().end(), Point{});  // load has taken its copy
       pipeline.run(params, out.points());
@@ -100,9 +99,7 @@ TEST(Report, names_every_stage_once_on_every_device) {
     if (!device.usable) continue;
     Pipeline pipeline(device.info.kind);
     pipeline.load(shapes::with_noise(shapes::waves(3000), 0.002));
-    Params params;
-    params.k = 8;
-    params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+    Params params{.k = 8, .normal_sigma = 0.05, .closeness_sigma = 0.05, .similarity_sigma = 0.05};
     const auto names = [&] {
       std::vector<Point> out(3000);
       pipeline.run(params, out);

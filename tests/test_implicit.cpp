@@ -25,11 +25,8 @@ using reference::Vec;
 using shapes::Points, shapes::same_bits;
 
 Params implicit(ImplicitWeights weights, double lambda, Connectivity connectivity) {
-  Params params;
-  params.method = Method::implicit;
-  params.implicit_weights = weights;
-  params.implicit_lambda = lambda;
-  params.connectivity = connectivity;
+  Params params{
+      .connectivity = connectivity, .method = Method::implicit, .implicit_weights = weights, .implicit_lambda = lambda};
   if (connectivity == Connectivity::mesh) params.tangential = 0;
   return params;
 }

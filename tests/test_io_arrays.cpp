@@ -223,8 +223,7 @@ TEST(Npy, UntouchedFilesComeBackAndMovedPointsAreMoved) {
 }
 
 TEST(Npy, OtherCloudsAndAddedAttributesBecomeRecords) {
-  Cloud cloud;
-  cloud.points = {{1.5F, 2, 3}, {4, 5, 6}};
+  Cloud cloud{.points = {{1.5F, 2, 3}, {4, 5, 6}}};
   const std::string plain = image(cloud, Format::npy);
   EXPECT_NE(plain.find("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }"), std::string::npos);
   EXPECT_EQ((plain.size() - 24) % 64, 0U);

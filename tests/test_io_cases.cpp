@@ -147,21 +147,18 @@ TEST(FilesCases, OptionsSayWhatTheColumnsAre) {
   const auto read_with = [](const std::string& text, ReadOptions options, const std::string& name = "a.csv") {
     return read(std::as_bytes(std::span(text)), name, options);
   };
-  ReadOptions named;
-  named.columns = {"i", "y", "x", "z"};
+  ReadOptions named{.columns = {"i", "y", "x", "z"}};
   const Cloud cloud = read_with("A,B,C,D\n7,2,1,3\n", named);
   EXPECT_EQ(cloud.points[0].x, 1);
   EXPECT_EQ(values<std::uint8_t>(cloud, "i")[0], 7);
   EXPECT_EQ(image(cloud, Format::csv), "A,B,C,D\n7,2,1,3\n");
-  ReadOptions skipping;
-  skipping.skip_lines = 2;
+  ReadOptions skipping{.skip_lines = 2};
   const std::string text = "1 2 3\n4 5 6\n7 8 9\n";
   const Cloud skipped = read_with(text, skipping, "a.xyz");
   ASSERT_EQ(skipped.points.size(), 1U);
   EXPECT_EQ(skipped.points[0].x, 7);
   EXPECT_EQ(image(skipped, Format::xyz), text);
-  ReadOptions as_text;
-  as_text.format = Format::csv;
+  ReadOptions as_text{.format = Format::csv};
   EXPECT_EQ(read_with("x,y,z\n1,2,3\n", as_text, "a.data").points.size(), 1U);
   EXPECT_EQ(thrown_by([&] { read_with("v 1 2 3\n", skipping, "a.obj"); }).kind, ErrorKind::usage);
   named.columns = {"x", "y", "z", "i", "j"};

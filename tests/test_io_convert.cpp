@@ -91,9 +91,8 @@ TEST(FilesConvert, FacesGoToEveryMeshFormat) {
 }
 
 TEST(FilesConvert, ACloudFromMemoryIsWrittenInFloatsOrWithAnOriginInDoubles) {
-  Cloud cloud;
-  cloud.points = {{1.5F, 2, 3}, {NAN, 5, 6}};
-  cloud.added = {make_attribute<float>("normal", ScalarType::float32, {0, 0, 1, 0, 1, 0}, 3)};
+  Cloud cloud{.points = {{1.5F, 2, 3}, {NAN, 5, 6}},
+              .added = {make_attribute<float>("normal", ScalarType::float32, {0, 0, 1, 0, 1, 0}, 3)}};
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
       "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n";

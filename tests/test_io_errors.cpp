@@ -26,8 +26,7 @@ std::string pcd(const std::string& points, const std::string& data) {
 }
 
 WriteOptions overwriting() {
-  WriteOptions options;
-  options.overwrite = true;
+  WriteOptions options{.overwrite = true};
   return options;
 }
 

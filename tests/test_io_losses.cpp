@@ -114,8 +114,7 @@ TEST(FilesLosses, AFileOfTrianglesInAnotherEncodingIsANewOne) {
 TEST(FilesLosses, StrictMakesALossAnError) {
   const Folder folder;
   const Cloud cloud = parse("x,y,z,label\n1,2,3,oak\n", "a.csv");
-  WriteOptions options;
-  options.strict = true;
+  WriteOptions options{.strict = true};
   const Thrown thrown = thrown_by([&] { check_write(folder / "b.ply", cloud, options); });
   EXPECT_EQ(thrown.kind, ErrorKind::file);
   EXPECT_NE(thrown.message.find("b.ply: PLY files have no place for the column of words 'label'"), std::string::npos)

@@ -202,8 +202,7 @@ void expect_three_times(const std::vector<NamedBytes>& files, std::size_t points
     ::malloc_trim(0);  // what earlier clouds left would hide what this one takes
     if (!(std::ofstream("/proc/self/clear_refs") << 5 << std::flush)) GTEST_SKIP() << "the peak cannot be reset";
     const std::size_t before = memory_status("VmRSS:");
-    ReadOptions options;
-    options.threads = kThreads;
+    ReadOptions options{.threads = kThreads};
     tbb::task_arena(kThreads).execute([&] {
       const Cloud cloud = read(folder / name, options);
       for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);

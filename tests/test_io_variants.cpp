@@ -67,10 +67,7 @@ TEST(FilesVariants, Utf16IsNamed) {
 
 TEST(FilesVariants, ColoursOfSixteenBitsBecomeBytesInPly) {
   for (const unsigned format : {2U, 3U, 7U, 8U}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = format;
-    spec.count = 20;
+    LasSpec spec{.minor = 4, .format = format, .count = 20};
     const Cloud las = parse(make_las(spec), "a.las"), ply = parse(image(las, Format::ply));
     const auto wide = values<std::uint16_t>(las, "green");
     const auto bytes = values<std::uint8_t>(ply, "green");

@@ -131,8 +131,7 @@ TEST(LasFiles, PointsThatAreLeftOutTakeTheirNewAttributesAlong) {
 }
 
 TEST(LasFiles, WrongBoundsAreRightOnceAPointMoved) {
-  LasSpec spec;
-  spec.count = 60;
+  LasSpec spec{.count = 60};
   const std::string good = make_las(spec);
   const std::size_t begin = las_points_begin(good), bounds = 179, bytes = 6 * sizeof(double);
   std::string zeros = good, half = good, not_numbers = good;
@@ -167,9 +166,7 @@ TEST(LasFiles, CoordinatesAreIntegersTimesScalePlusOffset) {
 
 TEST(LasFiles, AttributesHaveTheBitsOfTheSpecification) {
   for (const unsigned format : {3U, 5U, 8U, 10U}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = format;
+    LasSpec spec{.minor = 4, .format = format};
     const std::string las = make_las(spec);
     const Cloud cloud = parse(las, "a.las");
     const bool wide = format >= 6;
@@ -200,9 +197,7 @@ TEST(LasFiles, AttributesHaveTheBitsOfTheSpecification) {
 }
 
 TEST(LasFiles, ExtraBytesAreAttributesByTheirDescriptions) {
-  LasSpec spec;
-  spec.described = true;
-  spec.plain_extra = 3;
+  LasSpec spec{.described = true, .plain_extra = 3};
   const std::string las = make_las(spec);
   const Cloud cloud = parse(las, "a.las");
   const auto at = [&](std::size_t i, std::size_t offset) {
@@ -224,11 +219,7 @@ TEST(LasFiles, ExtraBytesAreAttributesByTheirDescriptions) {
 
 TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
   for (const bool described : {false, true}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = 7;
-    spec.described = described;
-    spec.plain_extra = 5;
+    LasSpec spec{.minor = 4, .format = 7, .described = described, .plain_extra = 5};
     const std::string las = make_las(spec);
     Cloud cloud = parse(las, "a.las");
     std::vector<float> normals(3 * spec.count);
@@ -249,9 +240,7 @@ TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
 
 TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
   const Folder folder;
-  LasSpec spec;
-  spec.minor = 3;
-  spec.format = 4;
+  LasSpec spec{.minor = 3, .format = 4};
   std::string las = make_las(spec);
   put_file(folder / "plain.las", las);
   las[6] = 4;  // the waveforms are in a file of their own
@@ -274,10 +263,7 @@ TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
 
 TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
   const Folder folder;
-  LasSpec spec;
-  spec.minor = 3;
-  spec.format = 4;
-  spec.count = 2000;
+  LasSpec spec{.minor = 3, .format = 4, .count = 2000};
   std::string las = make_las(spec);
   las[6] = 4;  // the waveforms are in a file of their own
   put_file(folder / "in.las", las);
@@ -294,8 +280,7 @@ TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
 }
 
 TEST(LasFiles, AFileOfOnePointIsRead) {
-  LasSpec spec;
-  spec.count = 1;
+  LasSpec spec{.count = 1};
   const std::string las = make_las(spec);
   EXPECT_EQ(image(parse(las, "a.las"), Format::las), las);
 }
@@ -327,8 +312,7 @@ TEST(LasFiles, CoordinatesThatAreNotFiniteAreRefused) {
 }
 
 TEST(LasFiles, SixteenBitColoursBecomeBytesOfTheirUpperHalf) {
-  LasSpec spec;
-  spec.format = 2;
+  LasSpec spec{.format = 2};
   const std::string las = make_las(spec);
   const Cloud cloud = parse(las, "a.las");
   const auto red = values<std::uint16_t>(cloud, "red");
@@ -338,9 +322,7 @@ TEST(LasFiles, SixteenBitColoursBecomeBytesOfTheirUpperHalf) {
 }
 
 TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 6;
+  LasSpec spec{.minor = 4, .format = 6};
   const std::string good = make_las(spec);
   struct Case {
     std::size_t at;
@@ -373,10 +355,7 @@ TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
 }
 
 TEST(LasErrors, EveryTruncatedPrefixIsRefused) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 7;
-  spec.count = 5;
+  LasSpec spec{.minor = 4, .format = 7, .count = 5};
   const std::string las = make_las(spec);
   for (std::size_t size = 0; size < las.size(); size += size < 2000 ? 1 : 1000) {
     const Thrown thrown = thrown_by([&] { parse(las.substr(0, size), "a.las"); });
@@ -405,8 +384,7 @@ TEST(LasFiles, AWrongNumberOfRecordsIsMendedWhereARecordIsPutIn) {
 
 TEST(LasFiles, RecordsAboutCompressionStayInAFileThatIsNot) {
   for (const char* user : {"laszip encoded", "copc"}) {
-    LasSpec spec;
-    spec.records = false;
+    LasSpec spec{.records = false};
     std::string las = make_las(spec);
     const std::string record = las_record(user, user[0] == 'c' ? 1 : 22204, std::string(160, 'r'), false);
     las.insert(las_points_begin(las), record);

@@ -219,14 +219,14 @@ TEST(LazFiles, PointsAreCodedAsLaszipCodesThem) {
   for (unsigned format = 0; format <= 10; ++format) {
     for (const bool wild : {false, true}) {
       for (unsigned seed = 1; seed <= 4; ++seed) {
-        LasSpec spec;
-        spec.format = format;
-        spec.minor = format >= 6 ? 4 : format >= 4 ? 3 : 2;
-        spec.extended = false;
-        spec.count = seed == 4 ? 1 : 4000;
-        spec.wild = wild;
-        spec.plain_extra = seed == 3 ? 5 : 0;
-        spec.seed = seed;
+        const unsigned minor = format >= 6 ? 4 : format >= 4 ? 3 : 2;
+        LasSpec spec{.minor = minor,
+                     .format = format,
+                     .count = seed == 4 ? 1U : 4000U,
+                     .extended = false,
+                     .plain_extra = seed == 3 ? 5U : 0U,
+                     .wild = wild,
+                     .seed = seed};
         const std::string las = make_las(spec), laz = make_laz(las, {0, io::las::kUsualChunk, false});
         const std::string ours = image(parse(las, "a.las"), Format::laz);
         EXPECT_TRUE(ours.substr(las_points_begin(ours)) == laz.substr(las_points_begin(laz))) << format << wild << seed;
@@ -240,13 +240,12 @@ TEST(LazFiles, PointsAreCodedAsLaszipCodesThem) {
 TEST(LazFiles, PointsInOtherVersionsAreCodedAsLaszipCodesThem) {
   for (unsigned format = 0; format <= 10; ++format) {
     for (const bool wild : {false, true}) {
-      LasSpec spec;
-      spec.format = format;
-      spec.minor = format >= 6 ? 4 : 3;
-      spec.extended = false;
-      spec.count = 3000;
-      spec.plain_extra = 3;
-      spec.wild = wild;
+      LasSpec spec{.minor = format >= 6 ? 4U : 3U,
+                   .format = format,
+                   .count = 3000,
+                   .extended = false,
+                   .plain_extra = 3,
+                   .wild = wild};
       const std::string las = make_las(spec), laz = make_laz(las, {format < 6 ? 1U : 4U, 700, false});
       Cloud cloud = parse(laz, "a.laz");
       const std::vector<float> marks(spec.count, 1);
@@ -263,9 +262,7 @@ TEST(LazFiles, PointsInOtherVersionsAreCodedAsLaszipCodesThem) {
 }
 
 TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
-  LasSpec spec;
-  spec.format = 6;
-  spec.minor = 4;
+  LasSpec spec{.minor = 4, .format = 6};
   std::string las = make_las(spec);
   const std::size_t begin = las_points_begin(las), length = las_record_length(las);
   for (std::size_t i = 0; i < spec.count; ++i) las_put(las, begin + i * length + 22, i % 2 == 0 ? 0.0 : -0.0);
@@ -274,8 +271,7 @@ TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
 
 TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {
   for (const std::uint32_t points : {40U, 0U}) {
-    LasSpec spec;
-    spec.count = 5000;
+    LasSpec spec{.count = 5000};
     const std::string laz = make_laz(make_las(spec), {0, points, false});
     const las::Header header = las::parse_header(laz, "test");
     const las::Compression compression = las::read_compression(header, "test");
@@ -333,8 +329,7 @@ TEST(LazFiles, APlyFileBecomesLaz) {
 }
 
 TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
-  LasSpec spec;
-  spec.count = 20000;
+  LasSpec spec{.count = 20000};
   for (const unsigned format : {1U, 6U}) {
     spec.format = format;
     spec.minor = 4;
@@ -345,9 +340,7 @@ TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
     const Folder folder;
     std::vector<std::string> written;
     for (const unsigned threads : {1U, 7U}) {
-      WriteOptions options;
-      options.threads = threads;
-      options.overwrite = true;
+      WriteOptions options{.overwrite = true, .threads = threads};
       write(folder / "a.laz", cloud, options);
       written.push_back(file_bytes(folder / "a.laz"));
     }

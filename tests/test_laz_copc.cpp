@@ -65,11 +65,7 @@ Copc read_copc(const std::string& file) {
 
 // Ground with trees: enough points for several levels.
 std::string survey(unsigned format, std::uint32_t count) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = format;
-  spec.count = count;
-  spec.plain_extra = 3;
+  LasSpec spec{.minor = 4, .format = format, .count = count, .plain_extra = 3};
   std::string las = make_las(spec);
   std::mt19937 random(5);
   const std::size_t begin = las_points_begin(las), length = las_record_length(las);
@@ -162,11 +158,7 @@ TEST(Copc, AQueryFindsWhatBruteForceDoes) {
 TEST(Copc, OlderPointsKeepEveryAttribute) {
   for (const unsigned format : {0U, 1U, 2U, 3U, 8U}) {
     SCOPED_TRACE(format);
-    LasSpec spec;
-    spec.minor = format == 8 ? 4 : 2;
-    spec.format = format;
-    spec.count = 500;
-    spec.described = true;
+    LasSpec spec{.minor = format == 8 ? 4U : 2U, .format = format, .count = 500, .described = true};
     const Cloud before = parse(make_las(spec), "a.las");
     const std::string file = as_copc(make_las(spec));
     const Copc copc = read_copc(file);
@@ -194,10 +186,7 @@ TEST(Copc, OlderPointsKeepEveryAttribute) {
 }
 
 TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 6;
-  spec.count = 300;
+  LasSpec spec{.minor = 4, .format = 6, .count = 300};
   const std::string las = make_las(spec), file = as_copc(las);
   EXPECT_EQ(las_get<std::uint32_t>(file, 243), 3U);  // the hierarchy, and two of the file's own
   EXPECT_NE(file.find("made by the tests"), std::string::npos);
@@ -217,8 +206,7 @@ TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
 }
 
 TEST(Copc, CloudsOfOtherFormatsAndOnesThatAreSmallOrFlat) {
-  Cloud cloud;
-  cloud.points = {{1, 2, 3}};
+  Cloud cloud{.points = {{1, 2, 3}}};
   expect_octree(read_copc(image(cloud, Format::copc)));
   for (int i = 0; i < 9000; ++i) cloud.points.push_back({float(i % 90), float(i / 90), 3});
   cloud.points.insert(cloud.points.end(), 12000, Point{4, 5, 6});  // many at one place
@@ -232,9 +220,7 @@ TEST(Copc, CloudsOfOtherFormatsAndOnesThatAreSmallOrFlat) {
 }
 
 TEST(Copc, WavePacketsAreRefusedBeforeARun) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 9;
+  LasSpec spec{.minor = 4, .format = 9};
   const Folder folder;
   const Cloud cloud = parse(make_las(spec), "a.las");
   EXPECT_EQ(thrown_by([&] { check_write(folder / "a.copc.laz", cloud); }).kind, ErrorKind::usage);

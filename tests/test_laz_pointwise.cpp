@@ -7,11 +7,7 @@ namespace pointfair::test {
 namespace {
 
 std::string old_las(unsigned format, std::uint32_t count = 300) {
-  LasSpec spec;
-  spec.minor = format < 4 ? 2 : 3;
-  spec.format = format;
-  spec.count = count;
-  spec.plain_extra = format % 2 * 2;
+  LasSpec spec{.minor = format < 4 ? 2U : 3U, .format = format, .count = count, .plain_extra = format % 2 * 2};
   return make_las(spec);
 }
 
@@ -78,9 +74,7 @@ TEST(LazPointwise, PrefixesAreReadOrRefusedInOneLine) {
 
 TEST(Las15, IsReadAndWrittenBack) {
   for (const unsigned format : {6U, 7U, 8U, 10U}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = format;
+    LasSpec spec{.minor = 4, .format = format};
     const std::string las = as_1_5(make_las(spec));
     Cloud cloud = parse(las, "a.las");
     EXPECT_EQ(cloud.points.size(), 100U);
@@ -90,9 +84,7 @@ TEST(Las15, IsReadAndWrittenBack) {
     EXPECT_EQ(laz_records(laz), records(las));
     EXPECT_EQ(image(parse(laz, "a.laz"), Format::laz), laz);
   }
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 6;
+  LasSpec spec{.minor = 4, .format = 6};
   std::string small = make_las(spec);
   small[25] = 5;
   EXPECT_EQ(thrown_by([&] { parse(small, "a.las"); }).kind, ErrorKind::file);

@@ -156,8 +156,7 @@ TEST(Learned, points_without_a_surface_and_small_clouds_are_as_in_the_default_ru
 
 TEST(Learned, the_displacement_limit_holds_for_the_whole_way) {
   const Points points = shapes::with_noise(shapes::sphere(8000), 0.02);
-  Params params;
-  params.displacement_limit = 0.004;
+  Params params{.displacement_limit = 0.004};
   const Points after = learned(points, 1, params);
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_LE(distance(points[i], after[i]), 0.004 * 1.0001);
 }
@@ -187,8 +186,7 @@ TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
 
 TEST(Learned, a_given_file_takes_the_place_of_the_own_weights) {
   const Points points = shapes::with_noise(shapes::sphere(3000), 0.02);
-  Params params;
-  params.method = Method::learned;
+  Params params{.method = Method::learned};
   Pipeline pipeline(Device(Device::cpu));
   pipeline.set_weights(bytes_of(kWeightsFile), "own");
   pipeline.load(points);

@@ -15,11 +15,7 @@ namespace {
 using shapes::Clouds;
 
 Params given(int k) {
-  Params params;
-  params.k = k;
-  params.normal_sigma = 0.2;
-  params.closeness_sigma = 0.1;
-  params.similarity_sigma = 0.03;
+  Params params{.k = k, .normal_sigma = 0.2, .closeness_sigma = 0.1, .similarity_sigma = 0.03};
   return params;
 }
 
@@ -42,8 +38,7 @@ std::vector<Params> kinds_of_params() {
   kinds.back().outliers = Outliers::keep;
   kinds.back().outlier_distance = 0.05;
   kinds.back().displacement_limit = 0.02;
-  Params estimated;
-  estimated.k = 8;
+  Params estimated{.k = 8};
   kinds.push_back(estimated);
   kinds.push_back(Params{});
   return kinds;

@@ -200,8 +200,7 @@ TEST(Mesh, faces_unfold_and_clean_meshes_stay) {
     Pipeline pipeline(Device(Device::cpu, 0, 2));
     pipeline.load(mesh.points);
     pipeline.set_faces(meshes::polygons_of(mesh.faces));
-    Params params;
-    params.connectivity = Connectivity::mesh;
+    Params params{.connectivity = Connectivity::mesh};
     points.resize(mesh.points.size());
     pipeline.run(params, points);
     return pipeline.report().mesh;
@@ -222,9 +221,7 @@ TEST(Mesh, where_the_method_moves_nothing_nothing_evens_out) {
   Pipeline pipeline(Device(Device::cpu, 0, 2));
   pipeline.load(mesh.points);
   pipeline.set_faces(meshes::polygons_of(mesh.faces));
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.noise = 0.3 / 40;
+  Params params{.noise = 0.3 / 40, .connectivity = Connectivity::mesh};
   Points points(mesh.points.size());
   pipeline.run(params, points);
   for (std::uint32_t i = 0; i < points.size(); ++i)

@@ -24,10 +24,7 @@ using meshes::Sides;
 using reference::Vec;
 
 Params fleishman(int iterations) {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = Method::fleishman;
-  params.iterations = iterations;
+  Params params{.connectivity = Connectivity::mesh, .method = Method::fleishman, .iterations = iterations};
   return params;
 }
 
@@ -217,9 +214,7 @@ TEST(Fleishman, a_plane_without_noise_stays) {
 }
 
 Params jones() {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = Method::jones;
+  Params params{.connectivity = Connectivity::mesh, .method = Method::jones};
   return params;
 }
 

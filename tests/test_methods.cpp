@@ -26,8 +26,7 @@ constexpr Method kMethods[] = {Method::laplacian, Method::taubin, Method::hc_lap
                                Method::mls,       Method::wiener, Method::mollified};
 
 Params with(Method method) {
-  Params params;
-  params.method = method;
+  Params params{.method = method};
   return params;
 }
 
@@ -75,8 +74,7 @@ class Methods : public testing::TestWithParam<Method> {
 };
 
 INSTANTIATE_TEST_SUITE_P(All, Methods, testing::ValuesIn(kMethods), [](const auto& method) {
-  Params params;
-  params.method = method.param;
+  Params params{.method = method.param};
   std::string name = param_text(params, *find_param("method"));
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
@@ -266,11 +264,7 @@ TEST(Mollified, keeps_an_edge_that_the_laplacian_rounds) {
     const double q[3] = {std::abs(p.x - 0.5), std::abs(p.y - 0.5), std::abs(p.z - 0.5)};
     return 0.5 - std::max({q[0], q[1], q[2]});
   };
-  Params params;
-  params.k = 40;
-  params.iterations = 1;
-  params.similarity_sigma = 0.005;
-  params.method = Method::laplacian;
+  Params params{.k = 40, .method = Method::laplacian, .similarity_sigma = 0.005, .iterations = 1};
   const double laplacian = rms(Ran(points, params).points, off_cube);
   params.method = Method::mollified;
   EXPECT_LT(rms(Ran(points, params).points, off_cube), 0.5 * laplacian);

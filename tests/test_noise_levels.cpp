@@ -123,10 +123,7 @@ TEST(NoiseLevels, of_the_same_noise_at_different_densities_are_next_to_one) {
 
 TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
   const Points points = two_halves();
-  Params params;
-  params.similarity_sigma = 0.01;
-  params.displacement_limit = 0.02;
-  params.outlier_distance = 0.1;
+  Params params{.similarity_sigma = 0.01, .outlier_distance = 0.1, .displacement_limit = 0.02};
   const Outcome outcome(points, params);
   EXPECT_TRUE(outcome.settings.levels);
   EXPECT_TRUE(outcome.settings.radius_follows);

@@ -114,14 +114,12 @@ void expect_any_order(const Params& params) {
 TEST(Order, of_the_points_changes_no_bit_with_nothing_set) { expect_any_order({}); }
 
 TEST(Order, of_the_points_changes_no_bit_of_the_marks) {
-  Params params;
-  params.outliers = Outliers::mark;
+  Params params{.outliers = Outliers::mark};
   expect_any_order(params);
 }
 
 TEST(Order, marks_tell_the_same_reason_in_tiles_and_on_every_device) {
-  Params params;
-  params.outliers = Outliers::mark;
+  Params params{.outliers = Outliers::mark};
   std::uint8_t last_reason = 0;
   for (const Named& cloud : clouds()) {
     const auto all = places();
@@ -134,17 +132,13 @@ TEST(Order, marks_tell_the_same_reason_in_tiles_and_on_every_device) {
 }
 
 TEST(Order, of_the_points_changes_no_bit_over_lists) {
-  Params params;
-  params.k = 13;
-  params.iterations = 2;
+  Params params{.k = 13, .iterations = 2};
   expect_any_order(params);
   expect_any_order(paper_preset());
 }
 
 TEST(Order, of_the_points_changes_no_bit_where_neighbourhoods_are_thinned) {
-  Params params;
-  params.radius = 0.2;
-  params.min_neighbors = 8;
+  Params params{.radius = 0.2, .min_neighbors = 8};
   expect_any_order(params);
 }
 

@@ -43,8 +43,7 @@ Lifted with_outliers(Points points) {
 }
 
 Params with(Outliers outliers) {
-  Params params;
-  params.outliers = outliers;
+  Params params{.outliers = outliers};
   return params;
 }
 
@@ -72,8 +71,7 @@ TEST(Outliers, keep_their_bits_and_are_counted) {
 TEST(Outliers, are_kept_without_being_asked_for_within_radii_and_not_in_lists) {
   const Lifted cloud = with_outliers(noisy_plane());
   EXPECT_EQ(Ran(cloud.points, {}).report.params.outliers, Outliers::keep);
-  Params lists;
-  lists.k = 12;
+  Params lists{.k = 12};
   const Ran outcome(cloud.points, lists);
   EXPECT_EQ(outcome.report.params.outliers, Outliers::off);
   EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
@@ -101,8 +99,7 @@ TEST(Outliers, are_marked_and_no_other_point_is) {
 }
 
 TEST(Outliers, are_marked_in_an_attribute_of_a_free_name) {
-  Cloud cloud;
-  cloud.points = with_outliers(noisy_plane()).points;
+  Cloud cloud{.points = with_outliers(noisy_plane()).points};
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
   const Cloud once = pipeline.run(with(Outliers::mark));

@@ -155,9 +155,7 @@ TEST(SetParam, reads_units_of_lengths_as_metres) {
 }
 
 TEST(InFileUnits, divides_metres_by_the_unit_and_refuses_them_where_there_is_none) {
-  Params params;
-  params.noise = {0.3048, Length::Unit::metre};
-  params.radius = {2, Length::Unit::spacing};
+  Params params{.noise = {0.3048, Length::Unit::metre}, .radius = {2, Length::Unit::spacing}};
   EXPECT_EQ(in_file_units(params, 0.3048).noise, Length(1.0));
   EXPECT_EQ(in_file_units(params, 0.3048).radius, params.radius);
   try {
@@ -261,9 +259,7 @@ TEST(CheckParams, refuses_values_that_set_param_would_refuse) {
 }
 
 TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
-  Params params;
-  params.constraint = true;
-  params.radius = 0.1;
+  Params params{.radius = 0.1, .constraint = true};
   EXPECT_EQ(kind_of_check(params), ErrorKind::usage);
   params.k = 8;
   EXPECT_NO_THROW(check_params(params));

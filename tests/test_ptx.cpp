@@ -136,8 +136,7 @@ TEST(Ptx, TheScannersStoodWhereTheHeadersSay) {
   for (std::size_t i = 0; i < 1000; ++i)
     for (int axis = 0; axis < 3; ++axis)
       EXPECT_NEAR(places[i][std::size_t(axis)], scans[i < 600 ? 0 : 1].pose.translation()[axis], 1e-9);
-  Scan unplaced;
-  unplaced.points = sphere(10, 3);
+  Scan unplaced{.points = sphere(10, 3)};
   EXPECT_TRUE(file_viewpoints(parse(ptx({unplaced}), "scan.ptx")).empty());
 }
 

@@ -58,8 +58,7 @@ TEST(ReachLevels, let_a_run_leave_less_on_either_than_one_width_everywhere) {
       if (std::abs(p.x - 0.5) > 0.1 && (p.x > 0.5) == of_rough) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params params;
-  params.min_neighbors = 16;
+  Params params{.min_neighbors = 16};
   const Points followed = Outcome(points).points, same = Outcome(points, params).points;
   EXPECT_LT(left(followed, true), 0.97 * left(same, true));
   EXPECT_LT(left(followed, false), 0.9 * left(same, false));
@@ -74,15 +73,12 @@ TEST(ReachLevels, keep_rough_ground_from_being_averaged_on) {
       if (p.x > 0.6) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params once;
-  once.iterations = 1;
-  once.normal_filter = NormalFilter::off;
+  Params once{.normal_filter = NormalFilter::off, .iterations = 1};
   EXPECT_LT(left(Outcome(points).points), 1.15 * left(Outcome(points, once).points));
 }
 
 TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {
-  Params params;
-  params.min_neighbors = 16;
+  Params params{.min_neighbors = 16};
   EXPECT_FALSE(Outcome(half_rough(), params).levels);
   params = {};
   params.method = Method::mls;
@@ -131,8 +127,7 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
     for (const Point& p : of) sum += std::abs(p.z);
     return sum;
   };
-  Params params;
-  params.min_neighbors = 16;
+  Params params{.min_neighbors = 16};
   EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, params).points));
 }
 

@@ -51,9 +51,7 @@ std::vector<Place> places() {
 }
 
 StageSettings usual() {
-  StageSettings settings;
-  settings.normals = {{0.02f}};
-  settings.fairing = {{0.02f, 0.01f}};
+  StageSettings settings{.normals = {{0.02f}}, .fairing = {{0.02f, 0.01f}}};
   return settings;
 }
 

@@ -44,9 +44,7 @@ TEST(ViewerSession, IgnoredPointsComeAndGoWithTheirLimit) {
     set_limit(same, "ignore", ignore);
     Pipeline pipeline(Device::cpu);
     pipeline.load(without_ignored(same, cloud));
-    Params as_set;
-    as_set.k = 16;
-    as_set.iterations = 2;
+    Params as_set{.k = 16, .iterations = 2};
     Cloud expected = pipeline.run(as_set);
     apply_limits(same, cloud, expected);
     double sum = 0;

@@ -54,8 +54,7 @@ TEST(ViewerAttributes, ColoursAreOfferedAsColoursWhateverTheirNames) {
   const std::array<const char*, 3> named[] = {
       {"red", "green", "blue"}, {"r", "g", "b"}, {"colorRed", "colorGreen", "colorBlue"}};
   for (const auto& names : named) {
-    Cloud cloud;
-    cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    Cloud cloud{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
     for (std::size_t c = 0; c < 3; ++c) {
       Attribute& channel = cloud.added.emplace_back();
       channel.name = names[c];

@@ -27,11 +27,9 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   page.wait_for("saved", 1);
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
-  Params params;
-  params.k = 12;
+  Params params{.k = 12};
   Cloud fair = pipeline.run(params);
-  Limits limits;
-  limits.strength = 0.5;
+  Limits limits{.strength = 0.5};
   apply_limits(limits, cloud, fair);
   write(folder / "expected.ply", fair);
   EXPECT_EQ(file_bytes(folder / "denoised.ply"), file_bytes(folder / "expected.ply"));

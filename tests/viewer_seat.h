@@ -21,8 +21,7 @@ using Points = std::vector<Point>;
 inline Points noisy(int count) { return shapes::with_noise(shapes::waves(count), 0.004); }
 
 inline Cloud cloud_of(Points points) {
-  Cloud cloud;
-  cloud.points = std::move(points);
+  Cloud cloud{.points = std::move(points)};
   return cloud;
 }
 

@@ -63,11 +63,11 @@ class Source;  // the parsed file behind a cloud; see src/io/source.hpp
 
 /// N points. A value: copies are independent, and share only the immutable `source`.
 struct Cloud {
-  std::array<double, 3> origin{};        ///< added to every point; 0 unless coordinates are large against the extent
-  std::vector<Point> points;             ///< N positions relative to the origin, in the order of the file
-  std::vector<Attribute> added;          ///< attributes that the file does not have, written after the file's own; or
-                                         ///< new values for one that it has, with the same name and components
-  std::shared_ptr<const Source> source;  ///< the file's own attributes, faces, comments; null without a file
+  std::array<double, 3> origin{};          ///< added to every point; 0 unless coordinates are large against the extent
+  std::vector<Point> points{};             ///< N positions relative to the origin, in the order of the file
+  std::vector<Attribute> added{};          ///< attributes that the file does not have, written after the file's own; or
+                                           ///< new values for one that it has, with the same name and components
+  std::shared_ptr<const Source> source{};  ///< the file's own attributes, faces, comments; null without a file
 };
 
 /// Names and types of the attributes: first those of the cloud's file without the coordinates, then the added ones.

@@ -232,9 +232,7 @@ namespace {
 
 // A cloud of the source without its points.
 Cloud shell_of(const std::shared_ptr<const Source>& source) {
-  Cloud shell;
-  shell.origin = source->origin();
-  shell.source = source;
+  Cloud shell{.origin = source->origin(), .source = source};
   return shell;
 }
 

@@ -244,12 +244,11 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
 }
 
 RecordLayout record_layout(const PcdHeader& header, bool field_after_field) {
-  RecordLayout layout;
-  layout.begin = header.text.size();
-  layout.count = header.points();
-  layout.xyz = header.xyz;
-  layout.record_size = header.record_size();
-  layout.swap = kSwap;
+  RecordLayout layout{.begin = header.text.size(),
+                      .count = header.points(),
+                      .xyz = header.xyz,
+                      .record_size = header.record_size(),
+                      .swap = kSwap};
   std::size_t offset = 0;
   for (const Column& column : header.fields) {
     RecordField field;

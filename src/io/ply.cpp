@@ -219,12 +219,11 @@ class PlySource : public Base {
 };
 
 RecordLayout record_layout(const PlyFile& file, const std::string& name) {
-  RecordLayout layout;
-  layout.begin = file.begins[file.header.vertex];
-  layout.count = file.vertex().count;
-  layout.swap = must_swap(file.header.encoding);
-  layout.xyz = find_xyz(file.vertex(), name);
-  layout.record_size = record_size(file.vertex()).value_or(0);
+  RecordLayout layout{.begin = file.begins[file.header.vertex],
+                      .count = file.vertex().count,
+                      .xyz = find_xyz(file.vertex(), name),
+                      .record_size = record_size(file.vertex()).value_or(0),
+                      .swap = must_swap(file.header.encoding)};
   std::size_t offset = 0;
   for (const PlyProperty& property : file.vertex().properties) {
     RecordField field;

@@ -23,9 +23,9 @@ struct RecordField : Column {
 struct RecordLayout {
   std::size_t begin = 0;  ///< of the points in the file
   std::uint64_t count = 0;
-  std::vector<RecordField> fields;
+  std::vector<RecordField> fields{};
   std::array<std::size_t, 3> xyz{};  ///< which fields are the coordinates
-  std::vector<std::uint64_t> starts;
+  std::vector<std::uint64_t> starts{};
   std::size_t record_size = 0;
   bool swap = false;
 };

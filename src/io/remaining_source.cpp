@@ -94,8 +94,7 @@ class MovedRemaining final : public MovedPoints {
 void RemainingSource::write(const Edits& edits, Encoding encoding, Output& out) const {
   std::vector<std::uint8_t> removed(static_cast<std::size_t>(file_->size()), 1);
   for (const std::uint32_t kept : kept_) removed[kept] = 0;
-  Cloud shell;
-  shell.origin = edits.cloud.origin;
+  Cloud shell{.origin = edits.cloud.origin};
   std::vector<Attribute> values;
   values.reserve(edits.added.size() + edits.replaced.size());
   const MovedRemaining moved(kept_, edits.cloud.points);
@@ -149,8 +148,7 @@ Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed) 
   if (removed.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "without_points: there are " + std::to_string(removed.size()) +
                                       " values, and the cloud has " + std::to_string(cloud.points.size()) + " points");
-  Cloud result;
-  result.origin = cloud.origin;
+  Cloud result{.origin = cloud.origin};
   for (std::size_t i = 0; i < removed.size(); ++i)
     if (removed[i] == 0) result.points.push_back(cloud.points[i]);
   if (result.points.empty() && !cloud.points.empty())

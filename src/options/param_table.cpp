@@ -185,15 +185,14 @@ struct CheckField {
 }  // namespace
 
 Params paper_preset() {
-  Params params;
-  params.k = 8;
-  params.constraint = true;
-  params.normal_filter = NormalFilter::off;
-  params.area_weight = AreaWeight::squared;
-  params.offset = Offset::point;
-  params.relaxation = 1;
-  params.iterations = 1;
-  params.outliers = Outliers::off;
+  Params params{.k = 8,
+                .constraint = true,
+                .normal_filter = NormalFilter::off,
+                .area_weight = AreaWeight::squared,
+                .offset = Offset::point,
+                .relaxation = 1,
+                .outliers = Outliers::off,
+                .iterations = 1};
   return params;
 }
 

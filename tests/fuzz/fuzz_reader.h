@@ -34,9 +34,7 @@ bool accepted(const Call& call) {
 }
 
 inline Cloud read_as(const std::vector<std::byte>& bytes, Format format) {
-  ReadOptions options;
-  options.format = format;
-  options.threads = 1;
+  ReadOptions options{.format = format, .threads = 1};
   return read(bytes, "fuzz", options);
 }
 

@@ -19,12 +19,7 @@ inline constexpr unsigned kLazPoints = 60;
 
 /// A file of this point format, with extra bytes in it.
 inline LazParts make_parts(unsigned format) {
-  test::LasSpec spec;
-  spec.minor = 4;
-  spec.format = format;
-  spec.count = kLazPoints;
-  spec.plain_extra = 2;
-  spec.extended = false;
+  test::LasSpec spec{.minor = 4, .format = format, .count = kLazPoints, .extended = false, .plain_extra = 2};
   const Cloud cloud = read_as(as_bytes(test::make_las(spec)), Format::las);
   const std::vector<std::byte> bytes = write_bytes(cloud, Format::laz);
   const std::string file(reinterpret_cast<const char*>(bytes.data()), bytes.size());

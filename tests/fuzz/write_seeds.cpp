@@ -52,8 +52,7 @@ void put_scans_and_meshes(const fs::path& folder) {
   const std::string facet =
       "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
   put(folder / "fuzz_stl", "text", "solid a\n" + facet + facet + "endsolid a\n");
-  Cloud cloud;
-  cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  Cloud cloud{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
   const auto put_as = [&](Format format, const std::string& target, const std::string& name) {
     const auto bytes = write_bytes(cloud, format);
     put(folder / target, name, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});

@@ -53,13 +53,10 @@ int main() {
   print(pipeline, "paper", pointfair::paper_preset(), points.size());
   print(pipeline, "automatic", {}, points.size());
   for (const int k : {5, 16, 32, 100}) {
-    Params params;
-    params.k = k;
-    params.area_weight = pointfair::AreaWeight::length;
+    Params params{.k = k, .area_weight = pointfair::AreaWeight::length};
     print(pipeline, "list", params, points.size());
   }
-  Params params;
-  params.radius = Length(4, Length::Unit::spacing);
+  Params params{.radius = Length(4, Length::Unit::spacing)};
   print(pipeline, "radius", params, points.size());
   std::cerr << pipeline.device().name << '\n';
 }

@@ -100,8 +100,7 @@ std::uint64_t count_of(const Header& header, std::size_t dimensions, const std::
 }
 
 RecordLayout lay_out(const Header& header, const std::string& name) {
-  RecordLayout layout;
-  layout.begin = header.end;
+  RecordLayout layout{.begin = header.end};
   const std::size_t dimensions = header.shape.size();
   if (header.is_structured) {
     layout.count = count_of(header, dimensions, name);
