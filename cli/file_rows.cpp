@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <iterator>
 #include <map>
@@ -41,11 +40,8 @@ using Counts = std::map<unsigned, std::uint64_t>;
 // How many points have each value of an attribute of one byte; empty if the cloud has none of this name.
 Counts counts_of(const Cloud& cloud, std::string_view name) {
   Counts counts;
-  const std::vector<AttributeInfo> all = attributes(cloud);
-  const bool has = std::any_of(all.begin(), all.end(), [&](const AttributeInfo& info) {
-    return info.name == name && info.type == ScalarType::uint8 && info.components == 1;
-  });
-  if (!has) return counts;
+  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
+  if (!info || info->type != ScalarType::uint8 || info->components != 1) return counts;
   std::array<std::uint64_t, 256> of_value{};
   for (const std::byte value : attribute(cloud, name).data) ++of_value[std::to_integer<unsigned>(value)];
   for (unsigned value = 0; value < of_value.size(); ++value) {

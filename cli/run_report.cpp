@@ -127,7 +127,6 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
 
 void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
                    Findings& findings) {
-  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
   std::vector<std::uint8_t> ignored(limits.ignore.empty() ? 0 : cloud.points.size());
   for (const Selection& selection : limits.ignore) {
     const std::vector<std::uint8_t> selected = selected_points(selection, cloud);

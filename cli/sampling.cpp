@@ -122,8 +122,6 @@ Vec3 draw_direction(Random& random) {
 
 }  // namespace
 
-bool is_finite(const Point& p) { return is_finite(vec(p)); }
-
 double Box::diagonal() const {
   if (min[0] > max[0]) return 0;
   return length(Vec3{max[0], max[1], max[2]} - Vec3{min[0], min[1], min[2]});

@@ -23,14 +23,6 @@ bool is_in(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-TableColumn column_of(const Attribute& values) {
-  TableColumn column;
-  static_cast<Column&>(column) = {values.name, native(values.type), values.components};
-  column.data.resize(values.data.size());
-  if (!values.data.empty()) std::memcpy(column.data.data(), values.data.data(), values.data.size());
-  return column;
-}
-
 // What a cloud's attributes are.
 class Attributes {
  public:
@@ -143,10 +135,8 @@ std::string counted(std::uint64_t count, const std::string& what) {
 std::vector<Content> contents_of(const Cloud& cloud) {
   std::vector<Content> result;
   Attributes(cloud).tell(result);
-  const bool finite = std::all_of(cloud.points.begin(), cloud.points.end(), [](const Point& p) {
-    return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
-  });
-  if (!finite) result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
+  if (!std::ranges::all_of(cloud.points, is_finite))
+    result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
   if (!cloud.source) return result;
   const FaceSummary faces = cloud.source->face_summary();
   if (faces.faces > 0) result.push_back({ContentKind::faces, counted(faces.faces, "face")});

@@ -40,12 +40,16 @@ void put(Attribute& attribute, std::size_t place, float value) {
   io::store_double(to + place * size_of(attribute.type), io::native(attribute.type), false, value);
 }
 
+Attribute zeros(const std::string& name, std::uint32_t components, std::size_t floats) {
+  Attribute result{{name, ScalarType::float32, components}, {}};
+  result.data.resize(floats * sizeof(float));
+  return result;
+}
+
 // An attribute whose values are floats, whatever they were.
 Attribute as_floats(Attribute from) {
   if (from.type == ScalarType::float32 || from.type == ScalarType::float64) return from;
-  Attribute floats;
-  static_cast<AttributeInfo&>(floats) = {from.name, ScalarType::float32, from.components};
-  floats.data.resize(from.data.size() / size_of(from.type) * sizeof(float));
+  Attribute floats = zeros(from.name, from.components, from.data.size() / size_of(from.type));
   for (std::size_t i = 0; i < floats.data.size() / sizeof(float); ++i) put(floats, i, static_cast<float>(get(from, i)));
   return floats;
 }
@@ -55,12 +59,7 @@ class Holder {
  public:
   Holder(const Cloud& cloud, const std::vector<std::string>& names) {
     for (Attribute& values : attribute_values(cloud, names)) attributes_.push_back(as_floats(std::move(values)));
-    if (names.empty()) {
-      Attribute added;
-      static_cast<AttributeInfo&>(added) = {"normal", ScalarType::float32, 3};
-      added.data.resize(cloud.points.size() * 3 * sizeof(float));
-      attributes_.push_back(std::move(added));
-    }
+    if (names.empty()) attributes_.push_back(zeros("normal", 3, 3 * cloud.points.size()));
   }
 
   std::array<double, 3> at(std::size_t point) const {

@@ -71,9 +71,7 @@ void write_data(const std::vector<TableColumn>& columns, std::size_t points, Enc
 }
 
 TableColumn coordinate_column(const std::vector<Position>& positions, std::size_t axis, NativeType type) {
-  TableColumn column;
-  static_cast<Column&>(column) = {std::string(1, static_cast<char>('x' + axis)), type, 1};
-  column.data.resize(positions.size() * size_of(type));
+  TableColumn column = zero_column({std::string(1, "xyz"[axis]), type}, positions.size());
   for (std::size_t i = 0; i < positions.size(); ++i) {
     store_double(column.data.data() + i * size_of(type), type, false, positions[i][axis]);
   }
@@ -251,13 +249,10 @@ RecordLayout record_layout(const PcdHeader& header, bool field_after_field) {
                       .swap = kSwap};
   std::size_t offset = 0;
   for (const Column& column : header.fields) {
-    RecordField field;
-    static_cast<Column&>(field) = column;
-    field.offset = field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset;
-    field.stride = field_after_field ? column_bytes(column) : layout.record_size;
-    field.padding = is_padding(column);
+    layout.fields.push_back({column, field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset,
+                             field_after_field ? column_bytes(column) : layout.record_size, std::nullopt,
+                             is_padding(column)});
     offset += column_bytes(column);
-    layout.fields.push_back(std::move(field));
   }
   return layout;
 }
@@ -313,9 +308,7 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
 void pack_colors(Table& table) {
   const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
   if (colors.empty()) return;
-  TableColumn packed;
-  static_cast<Column&>(packed) = {"rgb", NativeType::float32, 1};
-  packed.data.resize(4 * colors.size());
+  TableColumn packed = zero_column({"rgb", NativeType::float32}, colors.size());
   for (std::size_t i = 0; i < colors.size(); ++i) {
     const std::uint32_t value = static_cast<std::uint32_t>(colors[i][0] << 16 | colors[i][1] << 8 | colors[i][2]);
     std::memcpy(packed.data.data() + 4 * i, &value, sizeof value);

@@ -226,13 +226,8 @@ RecordLayout record_layout(const PlyFile& file, const std::string& name) {
                       .swap = must_swap(file.header.encoding)};
   std::size_t offset = 0;
   for (const PlyProperty& property : file.vertex().properties) {
-    RecordField field;
-    static_cast<Column&>(field) = {property.name, property.type, 1};
-    field.offset = offset;
-    field.stride = layout.record_size;
-    field.list_count = property.list_count;
+    layout.fields.push_back({{property.name, property.type}, offset, layout.record_size, property.list_count});
     offset += size_of(property.type);
-    layout.fields.push_back(std::move(field));
   }
   return layout;
 }
@@ -249,9 +244,7 @@ std::size_t walk_lists(std::string_view bytes, std::size_t at, const PlyHeader& 
   for (std::uint64_t row = 0; row < element.count; ++row) {
     if (starts) starts->push_back(at - begin);
     for (const PlyProperty& property : element.properties) {
-      RecordField field;
-      field.type = property.type;
-      field.list_count = property.list_count;
+      const RecordField field{{property.name, property.type}, 0, 0, property.list_count};
       const std::string_view rest = bytes.substr(at);
       const auto size = property.list_count ? list_bytes(rest, field, must_swap(header.encoding))
                                             : std::optional(size_of(property.type));

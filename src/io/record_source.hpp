@@ -12,9 +12,9 @@
 namespace pointfair::io {
 
 struct RecordField : Column {
-  std::size_t offset = 0;                ///< of the first point's value in the points' bytes
-  std::size_t stride = 0;                ///< from one point's value to the next point's
-  std::optional<NativeType> list_count;  ///< a list: the type of its count, which comes first
+  std::size_t offset = 0;                  ///< of the first point's value in the points' bytes
+  std::size_t stride = 0;                  ///< from one point's value to the next point's
+  std::optional<NativeType> list_count{};  ///< a list: the type of its count, which comes first
   bool padding = false;
 };
 

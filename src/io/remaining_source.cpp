@@ -52,8 +52,7 @@ void RemainingSource::extract_block(std::size_t index, std::size_t block, std::s
 
 // Values of all points of the file; those that are left out have zeros.
 Attribute RemainingSource::of_all(const Attribute& remaining) const {
-  Attribute all;
-  static_cast<AttributeInfo&>(all) = remaining;
+  Attribute all{remaining, {}};
   const std::size_t bytes = remaining.data.size() / std::max<std::size_t>(1, kept_.size());
   all.data.resize(static_cast<std::size_t>(file_->size()) * bytes);
   for (std::size_t k = 0; k < kept_.size(); ++k)
@@ -154,8 +153,7 @@ Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed) 
   if (result.points.empty() && !cloud.points.empty())
     throw Error(ErrorKind::usage, "without_points: no point would be left");
   for (const Attribute& all : cloud.added) {
-    Attribute& its = result.added.emplace_back();
-    static_cast<AttributeInfo&>(its) = all;
+    Attribute& its = result.added.emplace_back(Attribute{all, {}});
     const std::size_t bytes = all.data.size() / std::max<std::size_t>(1, removed.size());
     for (std::size_t i = 0; i < removed.size(); ++i)
       if (removed[i] == 0)

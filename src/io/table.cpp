@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
@@ -31,9 +32,7 @@ void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
   const std::size_t size = size_of(column.type), stride = column_bytes(column), rows = column.data.size() / stride;
   const auto names = component_names(column.name, column.components);
   for (std::size_t c = 0; c < names.size(); ++c) {
-    TableColumn part;
-    static_cast<Column&>(part) = {names[c], column.type, 1};
-    part.data.resize(rows * size);
+    TableColumn part = zero_column({names[c], column.type}, rows);
     for (std::size_t i = 0; i < rows; ++i) {
       std::memcpy(part.data.data() + i * size, column.data.data() + i * stride + c * size, size);
     }
@@ -47,9 +46,7 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   static constexpr int kShifts[] = {16, 8, 0, 24};
   const std::size_t rows = column.data.size() / 4;
   for (std::size_t c = 0; c < (column.name == "rgba" ? 4U : 3U); ++c) {
-    TableColumn part;
-    static_cast<Column&>(part) = {kNames[c], NativeType::uint8, 1};
-    part.data.resize(rows);
+    TableColumn part = zero_column({kNames[c], NativeType::uint8}, rows);
     for (std::size_t i = 0; i < rows; ++i) {
       part.data[i] = static_cast<char>(load<std::uint32_t>(column.data.data() + 4 * i, false) >> kShifts[c] & 255);
     }
@@ -95,24 +92,29 @@ const TableColumn* Table::find(std::string_view name) const {
   return found == columns.end() ? nullptr : &*found;
 }
 
+TableColumn column_of(const Attribute& attribute) {
+  const char* const data = reinterpret_cast<const char*>(attribute.data.data());
+  return {{attribute.name, native(attribute.type), attribute.components}, {data, data + attribute.data.size()}};
+}
+
+TableColumn zero_column(Column column, std::size_t rows) {
+  TableColumn result{std::move(column), {}};
+  result.data.resize(rows * column_bytes(result));
+  return result;
+}
+
 Table make_table(const Cloud& cloud) {
   Table table;
   take_positions(cloud, table);
   if (cloud.source) {
     for (const Column& its : cloud.source->columns()) {
-      TableColumn column;
-      static_cast<Column&>(column) = its;
-      column.data.resize(table.size() * column_bytes(column));
-      table.columns.push_back(std::move(column));
+      table.columns.push_back(zero_column(its, table.size()));
     }
     cloud.source->extract_several(places_of(table.columns));
     table.faces = cloud.source->faces();
   }
   for (const Attribute& attribute : cloud.added) {
-    TableColumn column;
-    static_cast<Column&>(column) = {attribute.name, native(attribute.type), attribute.components};
-    const char* data = reinterpret_cast<const char*>(attribute.data.data());
-    column.data.assign(data, data + attribute.data.size());
+    TableColumn column = column_of(attribute);
     const auto own = std::find_if(table.columns.begin(), table.columns.end(),
                                   [&](const TableColumn& other) { return other.name == attribute.name; });
     if (own == table.columns.end()) {

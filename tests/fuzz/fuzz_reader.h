@@ -40,7 +40,6 @@ inline Cloud read_as(const std::vector<std::byte>& bytes, Format format) {
 
 // A new STL file is without triangles that have an invalid corner.
 inline bool has_all_points(const Cloud& again, const Cloud& cloud, Format format) {
-  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
   const bool all_finite = std::all_of(cloud.points.begin(), cloud.points.end(), is_finite);
   return again.points.size() == cloud.points.size() || (format == Format::stl && !all_finite);
 }

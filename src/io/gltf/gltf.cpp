@@ -191,9 +191,7 @@ class Scene {
                                [&](const TableColumn& c) { return c.name == name; });
     const bool is_byte = values.type == NativeType::uint8 && values.normalized && values.components >= 3;
     if (column == table_.columns.end()) {
-      TableColumn added;
-      static_cast<Column&>(added) = {name, is_byte ? NativeType::uint8 : NativeType::float32, 1};
-      column = table_.columns.insert(column, std::move(added));
+      column = table_.columns.insert(column, zero_column({name, is_byte ? NativeType::uint8 : NativeType::float32}, 0));
     }
     const std::size_t size = size_of(column->type);
     fill_up(*column, first);

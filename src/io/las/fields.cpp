@@ -20,9 +20,7 @@ constexpr NativeType kExtraTypes[] = {NativeType::uint8,   NativeType::int8,   N
 class FieldList {
  public:
   void add(const char* name, NativeType type, std::size_t offset) {
-    Field field;
-    static_cast<Column&>(field) = {name, type, 1};
-    field.offset = offset;
+    Field field{{name, type}, offset};
     field.stored = type;
     add_unique(std::move(field));
   }

@@ -48,11 +48,9 @@ void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& lay
   if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
   const auto rows = static_cast<std::size_t>(layout.count);
   for (std::size_t c = 0; c < columns; ++c) {
-    RecordField value;
-    static_cast<Column&>(value) = {"column_" + std::to_string(c + 1), *field.type, 1};
-    value.offset = c * field.size * (header.fortran_order ? rows : 1);
-    value.stride = field.size * (header.fortran_order ? 1 : columns);
-    layout.fields.push_back(std::move(value));
+    layout.fields.push_back({{"column_" + std::to_string(c + 1), *field.type},
+                             c * field.size * (header.fortran_order ? rows : 1),
+                             field.size * (header.fortran_order ? 1 : columns)});
   }
   layout.xyz = {0, 1, 2};
   layout.record_size = field.size * columns;
@@ -64,10 +62,9 @@ void lay_out_records(const Header& header, RecordLayout& layout, const std::stri
   std::array<bool, 3> found{};
   std::optional<bool> big_endian;
   for (const Field& field : header.fields) {
-    RecordField value;
-    static_cast<Column&>(value) = {field.name, field.type.value_or(NativeType::uint8),
-                                   static_cast<std::uint32_t>(field.type ? field.count : field.size * field.count)};
-    value.offset = layout.record_size;
+    RecordField value{{field.name, field.type.value_or(NativeType::uint8),
+                       static_cast<std::uint32_t>(field.type ? field.count : field.size * field.count)},
+                      layout.record_size};
     value.padding = !field.type || field.count == 0 || field.name.empty();
     layout.record_size += field.size * field.count;
     if (field.type && field.size > 1) {
@@ -173,10 +170,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Fo
   static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
   RecordLayout layout;
   for (std::size_t f = 0; f < (format == Format::kitti ? 4U : 5U); ++f) {
-    RecordField field;
-    static_cast<Column&>(field) = {kNames[f], NativeType::float32, 1};
-    field.offset = 4 * f;
-    layout.fields.push_back(std::move(field));
+    layout.fields.push_back({{kNames[f], NativeType::float32}, 4 * f});
   }
   layout.record_size = 4 * layout.fields.size();
   for (RecordField& field : layout.fields) field.stride = layout.record_size;
