@@ -36,11 +36,7 @@ inline bool has_values(const Cloud& cloud, const std::vector<double>& wanted) {
   return false;
 }
 
-inline bool has_name(const Cloud& cloud, const std::string& name) {
-  for (const AttributeInfo& info : attributes(cloud))
-    if (info.name == name) return true;
-  return false;
-}
+inline bool has_name(const Cloud& cloud, const std::string& name) { return attribute_info(cloud, name).has_value(); }
 
 inline bool holds(const Cloud& cloud, ContentKind kind) {
   for (const io::Content& content : cloud.source->contents())

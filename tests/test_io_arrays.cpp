@@ -71,13 +71,6 @@ std::string npy(const std::string& type, const std::string& shape, const std::st
   return bytes + header + data;
 }
 
-std::string refusal(const std::string& bytes, const std::string& name, std::optional<Format> format = {}) {
-  const Thrown thrown = thrown_by([&] { parse(bytes, name, format); });
-  EXPECT_EQ(thrown.kind, ErrorKind::file);
-  EXPECT_EQ(thrown.message.find('\n'), std::string::npos);
-  return thrown.message;
-}
-
 void expect_prefixes_refused(const std::string& bytes, const std::string& name, Format format) {
   for (std::size_t size = 1; size < bytes.size(); ++size) refusal(bytes.substr(0, size), name, format);
 }

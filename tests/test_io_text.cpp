@@ -342,9 +342,7 @@ TEST(FilesText, CornersOfAFaceMayBeWrittenInManyWays) {
   EXPECT_EQ(corners("f\n"), Corners{});
   for (const std::string word :
        {"0", "-0", "4", "-4", "1x", "+1", "1/x", "/1", "1.5", "99999999999999999999", "\"\"x", "1\\2"}) {
-    const Thrown thrown = thrown_by([&] { corners("f 1 " + word + " 3\n"); });
-    EXPECT_EQ(thrown.kind, ErrorKind::file) << word;
-    EXPECT_NE(thrown.message.find("line 6: "), std::string::npos) << thrown.message;
+    expect_error(ErrorKind::file, "line 6: ", [&] { corners("f 1 " + word + " 3\n"); });
   }
 }
 
