@@ -80,6 +80,18 @@ inline Mesh unwelded(const Mesh& mesh) {
   return result;
 }
 
+// The points in another order, and the faces from the last to the first, each from its second corner on.
+inline Mesh shuffled(const Mesh& mesh, const std::vector<std::uint32_t>& order) {
+  std::vector<std::uint32_t> now(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) now[order[i]] = i;
+  Mesh result{shapes::permuted(mesh.points, order), {mesh.faces.rbegin(), mesh.faces.rend()}};
+  for (Face& face : result.faces) {
+    for (std::uint32_t& corner : face) corner = now[corner];
+    std::rotate(face.begin(), face.begin() + 1, face.end());
+  }
+  return result;
+}
+
 using Place = std::tuple<float, float, float>;
 inline Place place_of(Point p) { return {p.x, p.y, p.z}; }
 

@@ -44,6 +44,30 @@ class Random {
   std::uint64_t state_;
 };
 
+inline double distance(const Point& a, const Point& b) {
+  return std::hypot(double(a.x) - b.x, double(a.y) - b.y, double(a.z) - b.z);
+}
+// How far the points of one cloud lie from those of another on average.
+inline double mean_distance(const Points& a, const Points& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += distance(a[i], b[i]);
+  return sum / double(a.size());
+}
+
+// Of a per-point error: the root of the mean square, and the mean of the absolute values.
+template <class Error>
+double rms(const Points& points, const Error& error) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::pow(double(error(p)), 2);
+  return std::sqrt(sum / double(points.size()));
+}
+template <class Error>
+double mean_error(const Points& points, const Error& error) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::abs(double(error(p)));
+  return sum / double(points.size());
+}
+
 inline Point make_point(double x, double y, double z) { return {float(x), float(y), float(z)}; }
 
 template <class Make>
@@ -141,6 +165,13 @@ inline Points with_noise(Points points, double sigma, std::uint64_t seed = 7) {
     p.y += float(sigma * random.normal());
     p.z += float(sigma * random.normal());
   }
+  return points;
+}
+
+// At the height over the plane.
+template <class Height>
+Points lifted(Points points, const Height& height) {
+  for (Point& p : points) p.z = float(height(p.x, p.y));
   return points;
 }
 

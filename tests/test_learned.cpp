@@ -30,7 +30,7 @@ Points learned(const Points& points, unsigned threads = 1, Params params = {}) {
 }
 Points classical(const Points& points) { return Ran(points, {}, 1).points; }
 
-double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+using shapes::distance;
 
 TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
   const std::vector<learned_clouds::Golden> clouds = learned_clouds::golden_clouds();
@@ -80,9 +80,7 @@ TEST(Learned, no_point_leaves_the_default_run_by_more_than_one_noise) {
 
 // Mean distance to the unit sphere.
 double left(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return std::hypot(p.x, p.y, p.z) - 1; });
 }
 
 TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) {

@@ -247,10 +247,7 @@ TEST(Wiener, keeps_heights_beyond_what_noise_explains) {
   params.k = 40;
   const auto mean_move = [&](double noise) {
     params.similarity_sigma = noise;
-    const Points out = Ran(points, params).points;
-    double sum = 0;
-    for (std::size_t i = 0; i < out.size(); ++i) sum += distance(out[i], points[i]);
-    return sum / double(out.size());
+    return shapes::mean_distance(Ran(points, params).points, points);
   };
   const double all = mean_move(1);
   EXPECT_LT(mean_move(0.0005), 0.1 * all);

@@ -28,11 +28,7 @@ double height_of_waves(double x, double y) {
 
 // A plane whose right half has waves of seven spacings.
 double height(double x, double y) { return x < 0.5 ? 0 : height_of_waves(x, y); }
-Points half_rough() {
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(height(p.x, p.y));
-  return shapes::with_noise(points, kNoise);
-}
+Points half_rough() { return shapes::with_noise(shapes::lifted(shapes::plane(kPoints), height), kNoise); }
 
 struct Outcome : Ran {
   explicit Outcome(const Points& cloud, const Params& params = {})
@@ -110,10 +106,8 @@ TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
                      y = kAlong * (spacings * profile + 0.2 * random.normal());
         points.push_back(shapes::make_point(x, y, height(x, y) + kSigma * random.normal()));
       }
-    double squares = 0;
-    for (const Point& p : Outcome(points).points)
-      squares += std::pow(p.z - height(p.x, p.y), 2) / double(points.size());
-    EXPECT_LT(std::sqrt(squares), 0.35 * kSigma) << spacings;
+    const auto off = [&](Point p) { return p.z - height(p.x, p.y); };
+    EXPECT_LT(shapes::rms(Outcome(points).points, off), 0.35 * kSigma) << spacings;
   }
 }
 
@@ -122,11 +116,7 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   const Outcome followed(points);
   ASSERT_TRUE(followed.levels);
   EXPECT_GT(level_at(followed, {0.5f, 0.5f, 0}), 1.2);
-  const auto left = [](const Points& of) {
-    double sum = 0;
-    for (const Point& p : of) sum += std::abs(p.z);
-    return sum;
-  };
+  const auto left = [](const Points& of) { return shapes::mean_error(of, [](Point p) { return p.z; }); };
   Params params{.min_neighbors = 16};
   EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, params).points));
 }
