@@ -149,8 +149,8 @@ void bench(const BenchArguments& arguments, std::stop_token stop) {
   Json json = bench_json(times);
   std::string text = bench_text(is_asked ? "as asked" : "the default run", times, arguments.repeat);
   if (!is_asked) {
-    Params short_lists{.k = 8, .iterations = 1};
-    const Times of_lists = measure(pipeline, points, short_lists, Estimation::before, arguments.repeat, stop);
+    const Times of_lists =
+        measure(pipeline, points, {.k = 8, .iterations = 1}, Estimation::before, arguments.repeat, stop);
     json["k8"] = bench_json(of_lists);
     text += "\n" + bench_text("the least run", of_lists, arguments.repeat);
   }

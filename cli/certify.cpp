@@ -25,8 +25,7 @@ struct CertifyArguments {
 
 // The reasons that the run marked in the result; empty where it did not.
 std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
-  ReadOptions options{.threads = threads};
-  const Cloud cloud = read(path, options);
+  const Cloud cloud = read(path, {.threads = threads});
   const std::optional<AttributeInfo> info = attribute_info(cloud, "outlier");
   if (!info || info->type != ScalarType::uint8 || info->components != 1) return {};
   std::vector<std::uint8_t> result;

@@ -38,10 +38,9 @@ Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
     throw Error(ErrorKind::usage,
                 fmt::format("{}: has no faces to sample; leave --points out to take its points", arguments.input));
   }
-  Cloud cloud{
+  return {
       .origin = mesh.origin,
       .points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed)};
-  return cloud;
 }
 
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.

@@ -74,8 +74,7 @@ class PageMaker {
 
   std::string make() {
     std::future<std::string> input_sum = std::async(std::launch::async, sha256_of, job_.input);
-    ReadOptions options{.threads = job_.threads};
-    after_ = read(job_.output, options);
+    after_ = read(job_.output, {.threads = job_.threads});
     std::future<std::string> output_sum = std::async(std::launch::async, sha256_of, job_.output);
     copy_ = compare_copies(before_, after_, fmt::format("{}, {}", job_.input.string(), job_.output.string()));
     estimates_ = pipeline_.estimates(stop_);

@@ -70,8 +70,7 @@ class CudaBackendTest : public ::testing::Test {
 };
 
 inline StageSettings with_neighbors(int k, float radius = 0, bool constraint = false, float reach = 0) {
-  StageSettings settings{.neighbors = {k, radius, constraint, reach}};
-  return settings;
+  return {.neighbors = {k, radius, constraint, reach}};
 }
 
 inline std::vector<Point> noisy_sphere(int count, std::uint64_t seed, double noise) {

@@ -151,8 +151,7 @@ struct Result {
 
 // Along the mesh, and nothing afterwards.
 inline Params along_mesh(Method method = Method::bilateral) {
-  Params params{.connectivity = Connectivity::mesh, .method = method, .tangential = 0};
-  return params;
+  return {.connectivity = Connectivity::mesh, .method = method, .tangential = 0};
 }
 
 inline bool has_card() {

@@ -216,14 +216,8 @@ inline Points permuted(const Points& points, const std::vector<std::uint32_t>& o
 }
 
 // At UTM-like coordinates, as a file with doubles is read: small offsets from a large origin.
-inline Cloud at_utm(Points points) {
-  Cloud cloud{.origin = {448262.125, 5411932.5, 312.25}, .points = std::move(points)};
-  return cloud;
-}
+inline Cloud at_utm(Points points) { return {.origin = {448262.125, 5411932.5, 312.25}, .points = std::move(points)}; }
 
-inline Cloud as_cloud(Points points) {
-  Cloud cloud{.points = std::move(points)};
-  return cloud;
-}
+inline Cloud as_cloud(Points points) { return {.points = std::move(points)}; }
 
 }  // namespace pointfair::shapes

@@ -17,8 +17,7 @@ namespace {
 using shapes::Points;
 
 Params resolved(const Noise& noise, Method method = Method::bilateral) {
-  Params params{.method = method};
-  return resolve(params, {{1, 1}, noise}, 100).params;
+  return resolve({.method = method}, {{1, 1}, noise}, 100).params;
 }
 
 // Noise in spacings of 1.
@@ -71,8 +70,9 @@ struct Left {
 };
 Left left(const Points& noisy, double (*off)(Point)) {
   Ran automatic(noisy);
-  Params params{.radius = 2.5 * automatic.pipeline.estimates().noise, .min_neighbors = 16};
-  return {reference::rms(automatic.points, off), reference::rms(Ran(noisy, params).points, off)};
+  return {reference::rms(automatic.points, off),
+          reference::rms(Ran(noisy, {.radius = 2.5 * automatic.pipeline.estimates().noise, .min_neighbors = 16}).points,
+                         off)};
 }
 
 TEST(Automatic, less_noise_is_left_than_by_one_radius_for_all_shapes) {

@@ -89,25 +89,24 @@ struct Recorded {
 const Calls kAll = {"index", "neighbors", "normals", "fairing"};
 
 Params settled() {  // nothing automatic, so that a change of one value changes nothing else
-  Params params{.k = 12,
-                .constraint = true,
-                .rho = 0.08,
-                .delta = 0.01,
-                .normal_sigma = 0.05,
-                .normal_filter = NormalFilter::on,
-                .crease_angle = 30,
-                .flat_scale = 1.5,
-                .closeness_sigma = 0.05,
-                .similarity_sigma = 0.02,
-                .offset = Offset::symmetric,
-                .relaxation = 0.9,
-                .implicit_lambda = 2,
-                .outliers = Outliers::keep,
-                .outlier_distance = 0.3,
-                .outlier_radius = 0.4,
-                .iterations = 1,
-                .displacement_limit = 0.2};
-  return params;
+  return {.k = 12,
+          .constraint = true,
+          .rho = 0.08,
+          .delta = 0.01,
+          .normal_sigma = 0.05,
+          .normal_filter = NormalFilter::on,
+          .crease_angle = 30,
+          .flat_scale = 1.5,
+          .closeness_sigma = 0.05,
+          .similarity_sigma = 0.02,
+          .offset = Offset::symmetric,
+          .relaxation = 0.9,
+          .implicit_lambda = 2,
+          .outliers = Outliers::keep,
+          .outlier_distance = 0.3,
+          .outlier_radius = 0.4,
+          .iterations = 1,
+          .displacement_limit = 0.2};
 }
 
 Params settled_without_list() {

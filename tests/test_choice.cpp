@@ -72,15 +72,13 @@ TEST(Choice, is_as_many_tiles_on_disk_as_the_memory_holds_with_their_halos) {
   const std::uint64_t tiles = tiles_on_disk(points, {}, memory);
   EXPECT_LE(bytes_of_tile(points, tiles, {}, memory), memory);
   EXPECT_EQ(bytes_of_tile(points, tiles - 1, {}, memory), memory) << "fewer tiles would fit";
-  Params list{.k = 100};
-  EXPECT_GT(tiles_on_disk(points, list, memory), 4 * tiles);
+  EXPECT_GT(tiles_on_disk(points, {.k = 100}, memory), 4 * tiles);
 }
 
 class ChoiceOfJobs : public testing::Test {
  protected:
   ChoiceOfJobs() {
-    Cloud cloud{.points = shapes::sphere(2000, 3)};
-    write(folder_ / "in.ply", cloud);
+    write(folder_ / "in.ply", {.points = shapes::sphere(2000, 3)});
     job_.inputs = {folder_ / "in.ply"};
     job_.output = folder_ / "out.ply";
   }

@@ -195,8 +195,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_where_a_sensor_is_known) {
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_over_iterations) {
-  StageSettings settings{.iterations = 3};
-  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 iterations");
+  expect_same(noisy_sphere(100000, 11, 0.002), {.iterations = 3}, "3 iterations");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {

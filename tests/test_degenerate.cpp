@@ -77,7 +77,7 @@ TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
     Points out(points.size());
     pipeline.run({}, out);
     EXPECT_TRUE(same_bits(out, points));
-    Params given{.k = 8, .normal_sigma = 0.1, .closeness_sigma = 0.1, .similarity_sigma = 0.1, .iterations = 1};
+    const Params given{.k = 8, .normal_sigma = 0.1, .closeness_sigma = 0.1, .similarity_sigma = 0.1, .iterations = 1};
     EXPECT_EQ(pipeline.resolve(given).k, 8);
   }
 }
@@ -105,8 +105,7 @@ TEST(Degenerate, lengths_in_percent_or_spacings_of_nothing_are_reported_as_lengt
 TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
   for (const int count : {4, 15, 16, 17})
     for (const int k : {16, 512}) {
-      Params params{.k = k};
-      Ran result(shapes::with_noise(shapes::sphere(count), 0.05), params);
+      Ran result(shapes::with_noise(shapes::sphere(count), 0.05), {.k = k});
       EXPECT_TRUE(all_finite(result.points));
       EXPECT_EQ(result.report.unmoved.too_few_neighbors, 0u);
     }
@@ -148,8 +147,7 @@ TEST(Degenerate, a_crowd_at_one_place_stays_and_is_counted_and_the_others_are_tr
 TEST(Degenerate, doubled_points_move_alike) {
   Points points = shapes::with_noise(shapes::waves(1000), 0.004);
   points.insert(points.end(), points.begin(), points.end());
-  Params params{.radius = 0.1};
-  const Points out = Ran(points, params).points;
+  const Points out = Ran(points, {.radius = 0.1}).points;
   for (std::size_t i = 0; i < 1000; ++i)
     ASSERT_LT(reference::length(reference::to_vec(out[i]) - reference::to_vec(out[i + 1000])), 1e-5);
 }

@@ -12,8 +12,7 @@ namespace pointfair::test {
 namespace {
 
 std::string las_with(const std::vector<std::pair<unsigned, std::string>>& projections) {
-  LasSpec spec{.records = false};
-  const std::string las = make_las(spec);
+  const std::string las = make_las({.records = false});
   std::string records;
   for (const auto& [id, data] : projections) records += las_record("LASF_Projection", id, data, false);
   std::string file = las.substr(0, las_points_begin(las)) + records + las.substr(las_points_begin(las));
@@ -42,8 +41,7 @@ std::string geo_keys(std::initializer_list<std::pair<int, int>> keys) {
 }  // namespace
 
 TEST(FileInfos, ALasFileSaysWhatItIs) {
-  LasSpec spec{.minor = 4, .format = 7};
-  const FileInfo info = info_of(make_las(spec));
+  const FileInfo info = info_of(make_las({.minor = 4, .format = 7}));
   EXPECT_EQ(row(info, "version"), "LAS 1.4");
   EXPECT_EQ(row(info, "point_format"), "7");
   EXPECT_EQ(row(info, "scale"), "0.01, 0.01, 0.001");
@@ -170,8 +168,7 @@ TEST(FileInfos, OtherFormatsSayNothing) {
 
 TEST(LasScale, AFinerGridHoldsSmallMovesAndLeavesOthersWhereTheyAre) {
   for (const Format format : {Format::las, Format::laz}) {
-    LasSpec spec{.minor = 4, .format = 6};
-    const std::string las = make_las(spec);
+    const std::string las = make_las({.minor = 4, .format = 6});
     Cloud cloud = parse(las, "a.las");
     const float before = cloud.points[3].x;
     cloud.points[3].x += 0.0035F;

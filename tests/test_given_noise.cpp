@@ -70,8 +70,7 @@ TEST(GivenNoise, is_read_in_every_unit) {
 TEST(GivenNoise, sets_what_is_automatic_and_leaves_what_is_given) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(hills());
-  Params params{.noise = 0.05, .min_neighbors = 20, .similarity_sigma = 0.01};
-  const Params used = pipeline.resolve(params);
+  const Params used = pipeline.resolve({.noise = 0.05, .min_neighbors = 20, .similarity_sigma = 0.01});
   EXPECT_EQ(used.min_neighbors, 20);
   EXPECT_EQ(used.similarity_sigma, Length(0.01));
   EXPECT_DOUBLE_EQ(used.delta.value, 2.5 * 0.05);  // as docs/parameters.md says

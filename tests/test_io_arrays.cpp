@@ -216,8 +216,7 @@ TEST(Npy, UntouchedFilesComeBackAndMovedPointsAreMoved) {
 }
 
 TEST(Npy, OtherCloudsAndAddedAttributesBecomeRecords) {
-  Cloud cloud{.points = {{1.5F, 2, 3}, {4, 5, 6}}};
-  const std::string plain = image(cloud, Format::npy);
+  const std::string plain = image({.points = {{1.5F, 2, 3}, {4, 5, 6}}}, Format::npy);
   EXPECT_NE(plain.find("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }"), std::string::npos);
   EXPECT_EQ((plain.size() - 24) % 64, 0U);
   Cloud again = parse(plain, "a.npy");

@@ -147,8 +147,7 @@ TEST(FilesCases, OptionsSayWhatTheColumnsAre) {
   ASSERT_EQ(skipped.points.size(), 1U);
   EXPECT_EQ(skipped.points[0].x, 7);
   EXPECT_EQ(image(skipped, Format::xyz), text);
-  ReadOptions as_text{.format = Format::csv};
-  EXPECT_EQ(read_with("x,y,z\n1,2,3\n", as_text, "a.data").points.size(), 1U);
+  EXPECT_EQ(read_with("x,y,z\n1,2,3\n", {.format = Format::csv}, "a.data").points.size(), 1U);
   EXPECT_EQ(thrown_by([&] { read_with("v 1 2 3\n", skipping, "a.obj"); }).kind, ErrorKind::usage);
   named.columns = {"x", "y", "z", "i", "j"};
   expect_error(ErrorKind::file, "--columns names 5 columns", [&] { read_with("1,2,3\n", named); });

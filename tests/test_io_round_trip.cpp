@@ -134,8 +134,7 @@ TEST(FilesRoundTrip, AManyBlockCloudIsTheSameForAnyNumberOfThreads) {
   for (int i = 0; i < 100000; ++i) text += std::to_string(i) + " 0.25 -" + std::to_string(i % 977) + ".125\n";
   for (const auto& [bytes, name] : {std::pair(text, "many.xyz"), std::pair(ply + text, "many.ply")}) {
     for (const unsigned threads : {1U, 2U, 7U}) {
-      ReadOptions options{.threads = threads};
-      const Cloud cloud = read(std::as_bytes(std::span(bytes)), name, options);
+      const Cloud cloud = read(std::as_bytes(std::span(bytes)), name, {.threads = threads});
       ASSERT_EQ(cloud.points.size(), 100000U);
       for (std::size_t i = 0; i < cloud.points.size(); i += 9999) {
         EXPECT_EQ(cloud.points[i].x, static_cast<float>(i));

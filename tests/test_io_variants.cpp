@@ -65,8 +65,8 @@ TEST(FilesVariants, Utf16IsNamed) {
 
 TEST(FilesVariants, ColoursOfSixteenBitsBecomeBytesInPly) {
   for (const unsigned format : {2U, 3U, 7U, 8U}) {
-    LasSpec spec{.minor = 4, .format = format, .count = 20};
-    const Cloud las = parse(make_las(spec), "a.las"), ply = parse(image(las, Format::ply));
+    const Cloud las = parse(make_las({.minor = 4, .format = format, .count = 20}), "a.las"),
+                ply = parse(image(las, Format::ply));
     const auto wide = values<std::uint16_t>(las, "green");
     const auto bytes = values<std::uint8_t>(ply, "green");
     for (std::size_t i = 0; i < wide.size(); ++i) EXPECT_EQ(bytes[i], (wide[i] + 128) / 257) << format;

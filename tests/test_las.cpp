@@ -240,8 +240,7 @@ TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
 
 TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
   const Folder folder;
-  LasSpec spec{.minor = 3, .format = 4};
-  std::string las = make_las(spec);
+  std::string las = make_las({.minor = 3, .format = 4});
   put_file(folder / "plain.las", las);
   las[6] = 4;  // the waveforms are in a file of their own
   put_file(folder / "in.las", las);
@@ -263,8 +262,7 @@ TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
 
 TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
   const Folder folder;
-  LasSpec spec{.minor = 3, .format = 4, .count = 2000};
-  std::string las = make_las(spec);
+  std::string las = make_las({.minor = 3, .format = 4, .count = 2000});
   las[6] = 4;  // the waveforms are in a file of their own
   put_file(folder / "in.las", las);
   Cloud cloud = read(folder / "in.las");
@@ -280,8 +278,7 @@ TEST(LasErrors, AFullDiskLeavesNeitherTheFileNorItsWaveforms) {
 }
 
 TEST(LasFiles, AFileOfOnePointIsRead) {
-  LasSpec spec{.count = 1};
-  const std::string las = make_las(spec);
+  const std::string las = make_las({.count = 1});
   EXPECT_EQ(image(parse(las, "a.las"), Format::las), las);
 }
 
@@ -310,8 +307,7 @@ TEST(LasFiles, CoordinatesThatAreNotFiniteAreRefused) {
 }
 
 TEST(LasFiles, SixteenBitColoursBecomeBytesOfTheirUpperHalf) {
-  LasSpec spec{.format = 2};
-  const std::string las = make_las(spec);
+  const std::string las = make_las({.format = 2});
   const Cloud cloud = parse(las, "a.las");
   const auto red = values<std::uint16_t>(cloud, "red");
   const Cloud again = parse(image(cloud, Format::obj), "a.obj");
@@ -320,8 +316,7 @@ TEST(LasFiles, SixteenBitColoursBecomeBytesOfTheirUpperHalf) {
 }
 
 TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
-  LasSpec spec{.minor = 4, .format = 6};
-  const std::string good = make_las(spec);
+  const std::string good = make_las({.minor = 4, .format = 6});
   struct Case {
     std::size_t at;
     std::string bytes, message;
@@ -349,8 +344,7 @@ TEST(LasErrors, ABadFileIsRefusedWithOneClearLine) {
 }
 
 TEST(LasErrors, EveryTruncatedPrefixIsRefused) {
-  LasSpec spec{.minor = 4, .format = 7, .count = 5};
-  const std::string las = make_las(spec);
+  const std::string las = make_las({.minor = 4, .format = 7, .count = 5});
   for (std::size_t size = 0; size < las.size(); size += size < 2000 ? 1 : 1000) refusal(las.substr(0, size), "a.las");
 }
 
@@ -375,8 +369,7 @@ TEST(LasFiles, AWrongNumberOfRecordsIsMendedWhereARecordIsPutIn) {
 
 TEST(LasFiles, RecordsAboutCompressionStayInAFileThatIsNot) {
   for (const char* user : {"laszip encoded", "copc"}) {
-    LasSpec spec{.records = false};
-    std::string las = make_las(spec);
+    std::string las = make_las({.records = false});
     const std::string record = las_record(user, user[0] == 'c' ? 1 : 22204, std::string(160, 'r'), false);
     las.insert(las_points_begin(las), record);
     las_put(las, 96, static_cast<std::uint32_t>(las_points_begin(las) + record.size()));

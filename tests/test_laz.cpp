@@ -271,8 +271,7 @@ TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
 
 TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {
   for (const std::uint32_t points : {40U, 0U}) {
-    LasSpec spec{.count = 5000};
-    const std::string laz = make_laz(make_las(spec), {0, points, false});
+    const std::string laz = make_laz(make_las({.count = 5000}), {0, points, false});
     const las::Header header = las::parse_header(laz, "test");
     const las::Compression compression = las::read_compression(header, "test");
     const las::ChunkTable table = las::read_chunk_table(laz, header, compression, "test");
@@ -340,8 +339,7 @@ TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
     const Folder folder;
     std::vector<std::string> written;
     for (const unsigned threads : {1U, 7U}) {
-      WriteOptions options{.overwrite = true, .threads = threads};
-      write(folder / "a.laz", cloud, options);
+      write(folder / "a.laz", cloud, {.overwrite = true, .threads = threads});
       written.push_back(file_bytes(folder / "a.laz"));
     }
     EXPECT_TRUE(written[0] == written[1]);

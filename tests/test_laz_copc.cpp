@@ -65,8 +65,7 @@ Copc read_copc(const std::string& file) {
 
 // Ground with trees: enough points for several levels.
 std::string survey(unsigned format, std::uint32_t count) {
-  LasSpec spec{.minor = 4, .format = format, .count = count, .plain_extra = 3};
-  std::string las = make_las(spec);
+  std::string las = make_las({.minor = 4, .format = format, .count = count, .plain_extra = 3});
   std::mt19937 random(5);
   const std::size_t begin = las_points_begin(las), length = las_record_length(las);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -186,8 +185,7 @@ TEST(Copc, OlderPointsKeepEveryAttribute) {
 }
 
 TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
-  LasSpec spec{.minor = 4, .format = 6, .count = 300};
-  const std::string las = make_las(spec), file = as_copc(las);
+  const std::string las = make_las({.minor = 4, .format = 6, .count = 300}), file = as_copc(las);
   EXPECT_EQ(las_get<std::uint32_t>(file, 243), 3U);  // the hierarchy, and two of the file's own
   EXPECT_NE(file.find("made by the tests"), std::string::npos);
   EXPECT_EQ(las_get<std::uint64_t>(file, 247), 300U);

@@ -14,8 +14,7 @@ namespace las = io::las;
 
 TEST(LazErrors, EveryTruncatedPrefixIsRefused) {
   for (const unsigned format : {1U, 7U}) {
-    LasSpec spec{.minor = 4, .format = format, .extended = false};
-    const std::string laz = make_laz(make_las(spec), {0, 40, false});
+    const std::string laz = make_laz(make_las({.minor = 4, .format = format, .extended = false}), {0, 40, false});
     for (std::size_t size = 0; size + 1 < laz.size(); size += 1 + size / 1000) {
       refusal(laz.substr(0, size), "a.laz");
     }
@@ -38,8 +37,7 @@ TEST(LazErrors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {
 TEST(LazErrors, DamagedBytesDoNoHarm) {
   std::mt19937 random(7);
   for (const unsigned format : {3U, 5U, 7U, 10U}) {
-    LasSpec spec{.minor = 4, .format = format};
-    const std::string good = make_laz(make_las(spec), {0, format == 7 ? 0U : 40U, false});
+    const std::string good = make_laz(make_las({.minor = 4, .format = format}), {0, format == 7 ? 0U : 40U, false});
     for (int round = 0; round < 100; ++round) {
       std::string bad = good;
       for (int n = 0; n < 3; ++n)
@@ -83,8 +81,7 @@ TEST(LazErrors, ACodeThatNoEncoderBeginsWithIsRefused) {
     });
   };
   for (const unsigned format : {4U, 6U, 7U}) {  // whole points by LASzip, layers
-    LasSpec spec{.minor = 4, .format = format, .plain_extra = 2};
-    const std::string good = make_laz(make_las(spec), {0, 1000, false});
+    const std::string good = make_laz(make_las({.minor = 4, .format = format, .plain_extra = 2}), {0, 1000, false});
     const std::size_t chunk = las_points_begin(good) + 8, length = las_record_length(good);
     std::vector<std::size_t> codes = {chunk + length};
     if (format >= 6) {

@@ -154,8 +154,7 @@ TEST(Learned, points_without_a_surface_and_small_clouds_are_as_in_the_default_ru
 
 TEST(Learned, the_displacement_limit_holds_for_the_whole_way) {
   const Points points = shapes::with_noise(shapes::sphere(8000), 0.02);
-  Params params{.displacement_limit = 0.004};
-  const Points after = learned(points, 1, params);
+  const Points after = learned(points, 1, {.displacement_limit = 0.004});
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_LE(distance(points[i], after[i]), 0.004 * 1.0001);
 }
 

@@ -70,15 +70,17 @@ TEST(Limits, ABoxIsInFileCoordinatesAndHoldsItsFaces) {
 // A camera at z = 5 that looks down: x / w and y / w with w = 5 - z.
 TEST(Limits, ALassoSeesThroughItsCamera) {
   const Limits limits = limits_of("lasso", "1,0,0,0,0,1,0,0,0,0,-1,5:-0.1,-0.1,0.1,-0.1,0.1,0.1,-0.1,0.1");
-  Cloud cloud{.points = {{0, 0, 0}, {0.4f, 0, 0}, {0.6f, 0, 0}, {0.4f, 0, 2}, {0, 0, 6}, {0, 0, 5}}};
-  EXPECT_EQ(movable_points(limits, cloud), (std::vector<std::uint8_t>{1, 1, 0, 0, 0, 0}));
+  EXPECT_EQ(
+      movable_points(limits, {.points = {{0, 0, 0}, {0.4f, 0, 0}, {0.6f, 0, 0}, {0.4f, 0, 2}, {0, 0, 6}, {0, 0, 5}}}),
+      (std::vector<std::uint8_t>{1, 1, 0, 0, 0, 0}));
 }
 
 TEST(Limits, AHollowPolygonIsEvenOdd) {
   // a U: the notch between x = -0.5 and 0.5 above y = 0 is outside
   const Limits limits = limits_of("lasso", "1,0,0,0,0,1,0,0,0,0,0,1:-1,-1,1,-1,1,1,0.5,1,0.5,0,-0.5,0,-0.5,1,-1,1");
-  Cloud cloud{.points = {{0, -0.5f, 0}, {0, 0.5f, 0}, {0.75f, 0.5f, 0}, {-0.75f, 0.9f, 0}, {0, 1.5f, 0}}};
-  EXPECT_EQ(movable_points(limits, cloud), (std::vector<std::uint8_t>{1, 0, 1, 1, 0}));
+  EXPECT_EQ(movable_points(
+                limits, {.points = {{0, -0.5f, 0}, {0, 0.5f, 0}, {0.75f, 0.5f, 0}, {-0.75f, 0.9f, 0}, {0, 1.5f, 0}}}),
+            (std::vector<std::uint8_t>{1, 0, 1, 1, 0}));
 }
 
 TEST(Limits, OutsideKeepsItsBitsAndStrengthGoesPartOfTheWay) {

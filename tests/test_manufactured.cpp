@@ -16,10 +16,7 @@ namespace {
 using reference::distance, reference::rms;
 using shapes::Points;
 
-Params one_iteration(int k) {
-  Params params{.k = k, .iterations = 1};
-  return params;
-}
+Params one_iteration(int k) { return {.k = k, .iterations = 1}; }
 
 std::vector<Params> all_kinds() {
   Params by_radius{.radius = Length(3, Length::Unit::spacing)};

@@ -14,10 +14,7 @@ namespace {
 
 using shapes::Clouds;
 
-Params given(int k) {
-  Params params{.k = k, .normal_sigma = 0.2, .closeness_sigma = 0.1, .similarity_sigma = 0.03};
-  return params;
-}
+Params given(int k) { return {.k = k, .normal_sigma = 0.2, .closeness_sigma = 0.1, .similarity_sigma = 0.03}; }
 
 std::vector<Params> kinds_of_params() {
   std::vector<Params> kinds;
@@ -38,8 +35,7 @@ std::vector<Params> kinds_of_params() {
   kinds.back().outliers = Outliers::keep;
   kinds.back().outlier_distance = 0.05;
   kinds.back().displacement_limit = 0.02;
-  Params estimated{.k = 8};
-  kinds.push_back(estimated);
+  kinds.push_back({.k = 8});
   kinds.push_back(Params{});
   return kinds;
 }

@@ -236,8 +236,7 @@ TEST(Mesh, what_cannot_be_is_said_in_one_line) {
   Params with_k = along_mesh();
   with_k.k = 8;
   refused(mesh, with_k, "--rings");
-  Params without_mesh{.rings = 2};
-  refused(mesh, without_mesh, "--connectivity mesh");
+  refused(mesh, {.rings = 2}, "--connectivity mesh");
   Mesh without_faces = mesh;
   without_faces.faces.clear();
   refused(without_faces, along_mesh(), "needs faces");

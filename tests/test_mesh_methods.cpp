@@ -24,8 +24,7 @@ using meshes::Sides;
 using reference::Vec;
 
 Params fleishman(int iterations) {
-  Params params{.connectivity = Connectivity::mesh, .method = Method::fleishman, .iterations = iterations};
-  return params;
+  return {.connectivity = Connectivity::mesh, .method = Method::fleishman, .iterations = iterations};
 }
 
 // A wavy sheet with noise, little enough that no step folds a face.
@@ -200,10 +199,7 @@ TEST(Fleishman, a_plane_without_noise_stays) {
   EXPECT_TRUE(shapes::same_bits(run(plane, fleishman(2)).points, plane.points));
 }
 
-Params jones() {
-  Params params{.connectivity = Connectivity::mesh, .method = Method::jones};
-  return params;
-}
+Params jones() { return {.connectivity = Connectivity::mesh, .method = Method::jones}; }
 
 // Predictions of faces with a corner among what edges reach within 2 sigma_f, whose middles lie as near.
 std::vector<Vec> predicted(const Mesh& mesh, double sigma_f, double sigma_g) {

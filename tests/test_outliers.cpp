@@ -42,10 +42,7 @@ Lifted with_outliers(Points points) {
   return {std::move(points), std::move(is_lifted)};
 }
 
-Params with(Outliers outliers) {
-  Params params{.outliers = outliers};
-  return params;
-}
+Params with(Outliers outliers) { return {.outliers = outliers}; }
 
 bool same_bits(Point a, Point b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
@@ -152,8 +149,7 @@ TEST(Outliers, cost_the_other_points_no_more_than_a_tenth) {
 TEST(DisplacementLimit, holds_for_every_point) {
   const Lifted cloud = with_outliers(noisy_plane());
   for (const double limit : {0.5 * kSigma, 2 * kSigma, 10 * kSigma}) {
-    Params params = with(Outliers::keep);
-    params.displacement_limit = limit;
+    Params params{.outliers = Outliers::keep, .displacement_limit = limit};
     const Ran outcome(cloud.points, params);
     std::size_t at_limit = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
@@ -229,8 +225,7 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
       EXPECT_FALSE(outcome.outliers[i]) << i;
   }
   EXPECT_GE(recognised, 190u);
-  Params any_width = with(Outliers::mark);
-  any_width.outlier_radius = 10;
+  Params any_width{.outliers = Outliers::mark, .outlier_radius = 10};
   EXPECT_LT(Ran(points, any_width).report.unmoved.outliers, 150u);
 }
 

@@ -54,8 +54,7 @@ TEST(ReachLevels, let_a_run_leave_less_on_either_than_one_width_everywhere) {
       if (std::abs(p.x - 0.5) > 0.1 && (p.x > 0.5) == of_rough) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params params{.min_neighbors = 16};
-  const Points followed = Outcome(points).points, same = Outcome(points, params).points;
+  const Points followed = Outcome(points).points, same = Outcome(points, {.min_neighbors = 16}).points;
   EXPECT_LT(left(followed, true), 0.97 * left(same, true));
   EXPECT_LT(left(followed, false), 0.9 * left(same, false));
 }
@@ -69,8 +68,8 @@ TEST(ReachLevels, keep_rough_ground_from_being_averaged_on) {
       if (p.x > 0.6) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params once{.normal_filter = NormalFilter::off, .iterations = 1};
-  EXPECT_LT(left(Outcome(points).points), 1.15 * left(Outcome(points, once).points));
+  EXPECT_LT(left(Outcome(points).points),
+            1.15 * left(Outcome(points, {.normal_filter = NormalFilter::off, .iterations = 1}).points));
 }
 
 TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {
@@ -117,8 +116,7 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   ASSERT_TRUE(followed.levels);
   EXPECT_GT(level_at(followed, {0.5f, 0.5f, 0}), 1.2);
   const auto left = [](const Points& of) { return shapes::mean_error(of, [](Point p) { return p.z; }); };
-  Params params{.min_neighbors = 16};
-  EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, params).points));
+  EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, {.min_neighbors = 16}).points));
 }
 
 TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {

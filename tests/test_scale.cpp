@@ -47,8 +47,7 @@ void store(const fs::path& path, const LeafTree& tree, const std::vector<Point>&
   std::vector<Section> sections;
   for (std::uint32_t l = 0; l < bounds.size(); ++l)
     if (bounds[l].valid > 0) sections.push_back({l, {}, bounds[l].valid, bounds[l].min, bounds[l].max});
-  PointsHeader header{.first_index = first};
-  PointsWriter writer(path, header, sections, {});
+  PointsWriter writer(path, {.first_index = first}, sections, {});
   std::vector<Point> sorted;
   for (const std::uint32_t i : order) sorted.push_back(points[i]);
   writer.write(std::span(sorted));
@@ -224,8 +223,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(whole);
   write(folder / "whole.xyz", pipeline.run());
-  TiledJob job{.inputs = {folder / "in.xyz"}, .output = folder / "out.xyz", .least_tiles = 3};
-  TiledRun::plan(job, folder / "work");
+  TiledRun::plan({.inputs = {folder / "in.xyz"}, .output = folder / "out.xyz", .least_tiles = 3}, folder / "work");
   // as if another had been guessed
   const std::string plan = read_text(folder / "work/plan.txt");
   std::string other = plan;
@@ -254,8 +252,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
 // Two CPUs stand for the cards of a machine.
 TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   const Folder folder;
-  Cloud cloud{.points = shapes::with_noise(shapes::sphere(30000), 0.004)};
-  write(folder / "in.ply", cloud);
+  write(folder / "in.ply", {.points = shapes::with_noise(shapes::sphere(30000), 0.004)});
   Pipeline pipeline(Device::cpu);
   pipeline.load(read(folder / "in.ply"));
   write(folder / "whole.ply", pipeline.run());

@@ -50,10 +50,7 @@ std::vector<Place> places() {
   return all;
 }
 
-StageSettings usual() {
-  StageSettings settings{.normals = {{0.02f}}, .fairing = {{0.02f, 0.01f}}};
-  return settings;
-}
+StageSettings usual() { return {.normals = {{0.02f}}, .fairing = {{0.02f, 0.01f}}}; }
 
 void expect_the_same_in_tiles(const Points& points, StageSettings settings, const char* what,
                               const std::vector<Tiling>& tilings = {{2}, {3, ~0ull, 0.2}, {7, ~0ull, 0.05}}) {

@@ -62,10 +62,7 @@ Ran run(const Points& points, std::span<const Position> viewpoint, const Params&
   return Ran(points, params, 0, viewpoint);
 }
 
-Params marking() {
-  Params params{.outliers = Outliers::mark};
-  return params;
-}
+Params marking() { return {.outliers = Outliers::mark}; }
 
 struct Shares {
   double found = 0, wrong = 0;  // of the mixed pixels, of the others

@@ -299,8 +299,7 @@ TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
   pipeline.load(cloud);
   pipeline.run(Params{});
   EXPECT_EQ(pipeline.report().stages.front().name, "zones");
-  Params params{.method = Method::implicit};
-  pipeline.run(params);
+  pipeline.run({.method = Method::implicit});
   EXPECT_GT(pipeline.report().solver.iterations, 0u);
 }
 
@@ -317,8 +316,7 @@ TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
     pipeline.load(*cloud);
     EXPECT_LT(pipeline.estimates().float_step, 0.002);
     Cloud moved = pipeline.run({});
-    Limits half{.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}}};
-    apply_limits(half, *cloud, moved);
+    apply_limits({.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}}}, *cloud, moved);
     positions(moved, results.emplace_back(points.size()));
   }
   EXPECT_EQ(results[0], results[1]);

@@ -20,10 +20,7 @@ using Points = std::vector<Point>;
 
 inline Points noisy(int count) { return shapes::with_noise(shapes::waves(count), 0.004); }
 
-inline Cloud cloud_of(Points points) {
-  Cloud cloud{.points = std::move(points)};
-  return cloud;
-}
+inline Cloud cloud_of(Points points) { return {.points = std::move(points)}; }
 
 inline Session::Options cpu_options() {
   Session::Options options;

@@ -231,10 +231,7 @@ namespace io {
 namespace {
 
 // A cloud of the source without its points.
-Cloud shell_of(const std::shared_ptr<const Source>& source) {
-  Cloud shell{.origin = source->origin(), .source = source};
-  return shell;
-}
+Cloud shell_of(const std::shared_ptr<const Source>& source) { return {.origin = source->origin(), .source = source}; }
 
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
   const Format format = options.format ? *options.format : format_to_write(path, shell.source->format());

@@ -185,15 +185,14 @@ struct CheckField {
 }  // namespace
 
 Params paper_preset() {
-  Params params{.k = 8,
-                .constraint = true,
-                .normal_filter = NormalFilter::off,
-                .area_weight = AreaWeight::squared,
-                .offset = Offset::point,
-                .relaxation = 1,
-                .outliers = Outliers::off,
-                .iterations = 1};
-  return params;
+  return {.k = 8,
+          .constraint = true,
+          .normal_filter = NormalFilter::off,
+          .area_weight = AreaWeight::squared,
+          .offset = Offset::point,
+          .relaxation = 1,
+          .outliers = Outliers::off,
+          .iterations = 1};
 }
 
 const ParamInfo* find_param(std::string_view name) {

@@ -34,8 +34,7 @@ bool accepted(const Call& call) {
 }
 
 inline Cloud read_as(const std::vector<std::byte>& bytes, Format format) {
-  ReadOptions options{.format = format, .threads = 1};
-  return read(bytes, "fuzz", options);
+  return read(bytes, "fuzz", {.format = format, .threads = 1});
 }
 
 // A new STL file is without triangles that have an invalid corner.

@@ -53,10 +53,8 @@ int main() {
   print(pipeline, "paper", pointfair::paper_preset(), points.size());
   print(pipeline, "automatic", {}, points.size());
   for (const int k : {5, 16, 32, 100}) {
-    Params params{.k = k, .area_weight = pointfair::AreaWeight::length};
-    print(pipeline, "list", params, points.size());
+    print(pipeline, "list", {.k = k, .area_weight = pointfair::AreaWeight::length}, points.size());
   }
-  Params params{.radius = Length(4, Length::Unit::spacing)};
-  print(pipeline, "radius", params, points.size());
+  print(pipeline, "radius", {.radius = Length(4, Length::Unit::spacing)}, points.size());
   std::cerr << pipeline.device().name << '\n';
 }
