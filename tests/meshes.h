@@ -16,6 +16,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair::meshes {
@@ -154,15 +155,6 @@ inline Params along_mesh(Method method = Method::bilateral) {
   return {.connectivity = Connectivity::mesh, .method = method, .tangential = 0};
 }
 
-inline bool has_card() {
-  static const bool result = [] {
-    const std::vector<DeviceStatus> all = list_devices();
-    return std::any_of(all.begin(), all.end(),
-                       [](const DeviceStatus& its) { return its.usable && its.info.kind == Device::cuda; });
-  }();
-  return result;
-}
-
 // A mesh without faces is a cloud.
 inline Result run_on(const Device& device, const Mesh& mesh, const Params& params) {
   Pipeline pipeline(device);
@@ -177,7 +169,7 @@ inline Result run_on(const Device& device, const Mesh& mesh, const Params& param
 // On the CPU, and where there is a card on that, with the same bits.
 inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
   const Result result = run_on(Device(Device::cpu, 0, threads), mesh, params);
-  if (!has_card() || reads_faces(params)) return result;
+  if (!test::why_no_card().empty() || reads_faces(params)) return result;
   const Result of_card = run_on(Device::cuda, mesh, params);
   EXPECT_TRUE(shapes::same_bits(of_card.points, result.points)) << "on a card";
   EXPECT_EQ(of_card.report.unmoved, result.report.unmoved) << "on a card";

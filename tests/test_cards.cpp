@@ -231,10 +231,8 @@ TEST(Cards, that_fail_leave_the_cloud_as_it_was) {
    private:
     int& calls_;
   };
-  const Points points = cloud(20000);
-  Points out(points.size()), expected(points.size());
-  Pipeline one(Device::cpu);
-  one.run(points, {}, expected);
+  const Points points = cloud(20000), expected = Ran(points).points;
+  Points out(points.size());
   for (int fails_after = 0; fails_after < 2; ++fails_after) {
     int calls = fails_after;
     Pipeline shared = over({sharing, [&] { return std::make_unique<Failing>(calls); }}, 10000);
@@ -270,13 +268,17 @@ TEST(Cards, have_names) {
 // So many points, or fewer under slow tools, yet enough to be divided.
 std::size_t most_shared(std::size_t count) { return std::min(count, 20 * slow_tools::most_points(count)); }
 
-TEST(Cards, of_this_machine_share_a_cloud) {
+int usable_cards() {
   const auto all = list_cuda_devices();
-  const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
+  return int(std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; }));
+}
+
+TEST(Cards, of_this_machine_share_a_cloud) {
+  const int usable = usable_cards();
   if (usable == 0) GTEST_SKIP() << "no card";
   const Points points = cloud(int(most_shared(1 << 21)));
   Params params{.k = 8};
-  for (const int second : {0, int(usable) - 1}) {
+  for (const int second : {0, usable - 1}) {
     Pipeline shared =
         over({[] { return make_cuda_backend(0); }, [=] { return make_cuda_backend(second); }}, points.size() / 2);
     expect_the_bits_of_one(shared, points, {}, 2);
@@ -289,11 +291,10 @@ TEST(Cards, of_this_machine_share_a_cloud) {
 
 // A machine with one card has it three times.
 TEST(Cards, of_this_machine_share_all_kinds_of_clouds) {
-  const auto all = list_cuda_devices();
-  const auto usable = std::count_if(all.begin(), all.end(), [](const DeviceStatus& card) { return card.usable; });
+  const int usable = usable_cards();
   if (usable == 0) GTEST_SKIP() << "no card";
   std::vector<MakeBackend> cards;
-  for (int card = 0; card < 3; ++card) cards.push_back([=] { return make_cuda_backend(card % int(usable)); });
+  for (int card = 0; card < 3; ++card) cards.push_back([=] { return make_cuda_backend(card % usable); });
   const int most = int(most_shared(100000));
   Pipeline shared = over(cards, std::uint64_t(most / 10));
   const std::vector<Points> clouds{cloud(most), shapes::with_invalid(cloud(most / 10 * 3), 9),

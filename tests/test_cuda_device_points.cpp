@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "slow_tools.h"
 
@@ -77,11 +78,8 @@ std::vector<T> by_host(const std::vector<T>& values, std::size_t count, std::ptr
     for (std::size_t axis = 0; axis < 3; ++axis)
       positions[i][axis] = values[i * std::size_t(row) + axis * std::size_t(column)];
   const Cloud before = make_cloud(positions);
-  std::vector<Point> after(count);
   Pipeline pipeline(Device::cuda);
-  pipeline.load(before.points);
-  pipeline.run(params, after);
-  move_positions(before, after, positions);
+  move_positions(before, result_of(pipeline, before.points, params), positions);
   std::vector<T> result = values;
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -138,11 +136,10 @@ struct Producer {
 // The stream's work begins late, and the points are there only then.
 TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_writer) {
   const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(50000)));
-  std::vector<Point> expected(points.size()), result(points.size());
+  std::vector<Point> result(points.size());
   Params params = kinds_of_params()[1];
   Pipeline pipeline(Device::cuda);
-  pipeline.load(points);
-  pipeline.run(params, expected);
+  const std::vector<Point> expected = result_of(pipeline, points, params);
   const std::size_t bytes = points.size() * sizeof(Point);
   void* const source = on_card(points.data(), bytes);
   void* const memory = on_card(nullptr, bytes);
@@ -163,13 +160,12 @@ TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_write
 
 TEST_F(CudaDevicePointsTest, refined_points_stay_on_the_card) {
   const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(20000)));
-  std::vector<Point> expected(points.size()), result(points.size());
+  std::vector<Point> result(points.size());
   const std::size_t bytes = points.size() * sizeof(Point);
   void* const memory = on_card(points.data(), bytes);
   Params params{.method = Method::learned};
   Pipeline pipeline(Device::cuda);
-  pipeline.load(points);
-  pipeline.run(params, expected);
+  const std::vector<Point> expected = result_of(pipeline, points, params);
   pipeline.load({memory, points.size()}, stream());
   pipeline.run(params, {memory, points.size()}, stream());
   ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);

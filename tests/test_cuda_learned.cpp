@@ -15,10 +15,7 @@ class CudaLearned : public CudaBackendTest {
  protected:
   static Points run(Pipeline& pipeline, const Points& points, Params params) {
     params.method = Method::learned;
-    Points result(points.size());
-    pipeline.load(points);
-    pipeline.run(params, result);
-    return result;
+    return result_of(pipeline, points, params);
   }
   static Points run(Device::Kind kind, const Points& points, const Params& params = {}) {
     Pipeline pipeline{Device(kind)};

@@ -21,7 +21,7 @@ using meshes::Sides;
 class CudaMeshTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    if (!meshes::has_card()) GTEST_SKIP() << "no card";
+    if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   }
 };
 

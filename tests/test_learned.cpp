@@ -64,10 +64,8 @@ TEST(Learned, no_point_leaves_the_default_run_by_more_than_one_noise) {
   Pipeline pipeline(Device(Device::cpu));
   for (const Points& points :
        {shapes::with_noise(shapes::cube(6000), 0.02), shapes::with_noise(shapes::uneven(6000, 1000), 0.01)}) {
-    Points before(points.size());
+    const Points before = result_of(pipeline, points, params);
     std::vector<float> noise(points.size());
-    pipeline.load(points);
-    pipeline.run(params, before);
     pipeline.noise(noise);
     const Points after = learned(points, 1, params);
     double farthest = 0;
@@ -186,10 +184,7 @@ TEST(Learned, a_given_file_takes_the_place_of_the_own_weights) {
   Params params{.method = Method::learned};
   Pipeline pipeline(Device(Device::cpu));
   pipeline.set_weights(bytes_of(kWeightsFile), "own");
-  pipeline.load(points);
-  Points result(points.size());
-  pipeline.run(params, result);
-  EXPECT_TRUE(same_bits(result, learned(points)));
+  EXPECT_TRUE(same_bits(result_of(pipeline, points, params), learned(points)));
   EXPECT_EQ(pipeline.report().params.method, Method::learned);
 }
 

@@ -66,10 +66,7 @@ TEST(ManyClouds, that_contradict_themselves_are_refused) {
 }
 
 TEST(CudaManyClouds, have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   const std::vector<Params> kinds = kinds_of_params();
   Pipeline pipeline(Device::cuda);
   EXPECT_TRUE(pipeline.runs_together(kinds[0]));
@@ -79,20 +76,14 @@ TEST(CudaManyClouds, have_the_bits_of_single_runs) {
 }
 
 TEST(CudaManyClouds, with_estimates_of_each_have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   expect_bits_of_single_runs(Device::cuda, shapes::clouds_with_estimates(),
                              slow_tools::some_of(shapes::params_with_estimates()));
 }
 
 // More than are measured together.
 TEST(CudaManyClouds, of_any_number_with_estimates_have_the_bits_of_the_cpu) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   Clouds clouds;
   for (int i = 0; i < int(slow_tools::most_points(600)); ++i)
     clouds.add(200 + i % 90, 1, 0, 0.002f * float(1 + i % 17));
@@ -104,10 +95,7 @@ TEST(CudaManyClouds, of_any_number_with_estimates_have_the_bits_of_the_cpu) {
 
 // More than go into one upload, each too small for a leaf.
 TEST(CudaManyClouds, of_any_number_have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   Clouds clouds;
   for (int i = 0; i < int(slow_tools::most_points(5000)); ++i) clouds.add(20 + i % 60, 1, 0);
   std::vector<Point> result(clouds.points.size()), expected(clouds.points.size());

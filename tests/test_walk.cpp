@@ -17,6 +17,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "sharing_backend.h"
 #include "tiles/tiled_backend.hpp"
@@ -335,9 +336,7 @@ TEST(Walk, over_two_cards_that_share_gives_the_results_of_fresh_pipelines) {
 }
 
 TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
-  std::string reason;
-  for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   walk([](Meddling& meddling) {
     return PipelineAccess::make(std::make_unique<MeddlingBackend>(make_cuda_backend(0), meddling),
                                 {Device::cuda, "test", "requested"});
@@ -346,9 +345,7 @@ TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
 
 // One card twice.
 TEST(Walk, over_cards_that_share_gives_the_results_of_fresh_pipelines) {
-  std::string reason;
-  for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   walk([](Meddling&) {
     const auto card = [] { return make_cuda_backend(0); };
     return PipelineAccess::make(card(), {Device::cuda, "test", "requested"}, MakeWorkers{{card, card}, 320});
