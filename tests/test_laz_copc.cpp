@@ -124,6 +124,7 @@ TEST(Copc, EveryPointIsOnceInANodeAroundItAndSpacingHalves) {
   for (std::size_t i = 0; i < 60000; ++i) before.insert(las.substr(begin + i * length, length));
   EXPECT_EQ(before, after);
   EXPECT_EQ(parse(file, "a.copc.laz").points.size(), 60000U);
+  EXPECT_EQ(parse(file, "a.copc.laz", Format::copc).points.size(), 60000U);
 }
 
 TEST(Copc, AQueryFindsWhatBruteForceDoes) {

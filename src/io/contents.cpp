@@ -12,6 +12,7 @@
 #include "io/column_names.hpp"
 #include "io/coordinate_names.hpp"
 #include "io/edits.hpp"
+#include "io/formats.hpp"
 #include "io/intensity.hpp"
 #include "io/source.hpp"
 #include "pointfair/normals.hpp"
@@ -107,25 +108,6 @@ class Attributes {
   bool has_bytes_ = true;  // the channels are bytes
 };
 
-// What a new file of each format does with the kinds, in their order: k keeps them, n notes that they are lost, r means
-// that such a file cannot be written.
-struct Row {
-  Format format;
-  std::string_view keeps;
-};
-constexpr Row kRows[] = {
-    // colours | normals to names | digits, text, lists | faces to groups | comments to records | invalid points
-    {Format::ply, "knn kkkk nnn knnknnn nnnnn k"},   {Format::pcd, "knn kkkk knn nnnnnnn nnnnn k"},
-    {Format::xyz, "knn kkkn knn nnnnnnn nnnnn k"},   {Format::txt, "kkk kkkk knn nnnnnnn nnnnn k"},
-    {Format::csv, "kkk kkkk knn nnnnnnn nnnnn k"},   {Format::pts, "knn kkkn knn nnnnnnn nnnnn k"},
-    {Format::off, "knn knnn nnn knnnnnn nnnnn k"},   {Format::obj, "knk knnn nnn knnknnn nnnnn k"},
-    {Format::las, "kkn kknk knn nnnnnnn nnnnn r"},   {Format::laz, "kkn kknk knn nnnnnnn nnnnn r"},
-    {Format::e57, "knn kkkk nnn nnnnnnn nnnnn k"},   {Format::ptx, "knn nnkn nnn nnnnnnn nnnnn k"},
-    {Format::stl, "nnn nnnn nnn knnnnnn nnnnn n"},   {Format::npy, "kkk kkkk knn nnnnnnn nnnnn k"},
-    {Format::copc, "kkn kknk knn nnnnnnn nknnn r"},  {Format::glb, "rrr rrrr rrr rrrrrrr rrrrr r"},
-    {Format::kitti, "rrr rrrr rrr rrrrrrr rrrrr r"}, {Format::nuscenes, "rrr rrrr rrr rrrrrrr rrrrr r"},
-};
-
 }  // namespace
 
 std::string counted(std::uint64_t count, const std::string& what) {
@@ -147,10 +129,8 @@ std::vector<Content> contents_of(const Cloud& cloud) {
 }
 
 Keeps keeps(Format format, ContentKind kind) {
-  const auto row = std::find_if(std::begin(kRows), std::end(kRows), [&](const Row& r) { return r.format == format; });
-  if (row == std::end(kRows)) return Keeps::noted;
   std::size_t left = static_cast<std::size_t>(kind);
-  for (const char c : row->keeps) {
+  for (const char c : row_of(format).keeps) {
     if (c == ' ' || left-- > 0) continue;
     return c == 'k' ? Keeps::kept : c == 'r' ? Keeps::refused : Keeps::noted;
   }

@@ -30,33 +30,8 @@ void check(const Cloud& cloud) {
   }
 }
 
-bool is_text(Format format) {
-  switch (format) {
-    case Format::xyz:
-    case Format::txt:
-    case Format::csv:
-    case Format::pts:
-    case Format::off:
-    case Format::obj:
-    case Format::ptx:
-      return true;
-    default:
-      return false;
-  }
-}
-
 bool has_encoding(Format format, Encoding encoding) {
-  switch (encoding) {
-    case Encoding::ascii:
-      return format == Format::ply || format == Format::pcd || format == Format::stl || is_text(format);
-    case Encoding::binary:
-      return !is_text(format) && format != Format::laz && format != Format::copc;
-    case Encoding::binary_big_endian:
-      return format == Format::ply;
-    case Encoding::binary_compressed:
-      break;
-  }
-  return format == Format::pcd || format == Format::laz || format == Format::copc;
+  return (io::row_of(format).encodings >> static_cast<unsigned>(encoding) & 1u) != 0;
 }
 
 [[noreturn]] void refuse_encoding(Format format) {
@@ -94,37 +69,14 @@ void write_octree(const Plan& plan, const Cloud& cloud, io::Output& out) {
   if (is_las && cloud.source->holds_its_positions()) {
     cloud.source->write(plan.edits, Encoding::binary, las);
   } else {
-    io::write_las(io::make_table(cloud), false, plan.edits.las_scale, las);
+    io::write_las(io::make_table(cloud), {Format::las, Encoding::binary, plan.edits.las_scale}, las);
   }
   io::write_copc(las.bytes, cloud.source ? cloud.source->name() : "the cloud", out);
 }
 
 void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
   if (plan.format == Format::copc) return write_octree(plan, cloud, out);
-  io::Table table = io::make_table(cloud);
-  switch (plan.format) {
-    case Format::ply:
-      return io::write_ply(std::move(table), plan.encoding, out);
-    case Format::pcd:
-      return io::write_pcd(std::move(table), plan.encoding, out);
-    case Format::off:
-      return io::write_off(std::move(table), out);
-    case Format::obj:
-      return io::write_obj(std::move(table), out);
-    case Format::ptx:
-      return io::write_ptx(std::move(table), out);
-    case Format::stl:
-      return io::write_stl(table, plan.encoding, out);
-    case Format::npy:
-      return io::write_npy(table, out);
-    case Format::las:
-    case Format::laz:
-      return io::write_las(std::move(table), plan.encoding == Encoding::binary_compressed, plan.edits.las_scale, out);
-    case Format::e57:
-      return io::write_e57(std::move(table), out);
-    default:
-      return io::write_xyz(std::move(table), plan.format, out);
-  }
+  io::row_of(plan.format).write(io::make_table(cloud), {plan.format, plan.encoding, plan.edits.las_scale}, out);
 }
 
 // Refuses what no new file of the format can be made of.

@@ -277,7 +277,7 @@ TextLayout make_layout(OffHeader& header, std::string_view text, const std::stri
 
 }  // namespace
 
-std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name, const Reading&) {
   OffHeader header = HeaderReader(bytes.view(), name).read();
   if (header.points == 0) fail(name, "has no points; choose another file");
   TextLayout layout = make_layout(header, bytes.view(), name);
@@ -289,7 +289,7 @@ std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name) {
   return source;
 }
 
-void write_off(Table table, Output& out) {
+void write_off(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const ByteColors colors = colors_as_bytes(table);
   const bool colored = !colors.values.empty();

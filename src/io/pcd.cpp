@@ -320,7 +320,7 @@ void pack_colors(Table& table) {
 
 }  // namespace
 
-std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);
   switch (header.encoding) {
     case Encoding::ascii:
@@ -332,7 +332,7 @@ std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name) {
   }
 }
 
-void write_pcd(Table table, Encoding encoding, Output& out) {
+void write_pcd(Table table, const Writing& writing, Output& out) {
   use_ply_names(table);
   pack_colors(table);
   std::vector<TableColumn> columns;
@@ -344,8 +344,8 @@ void write_pcd(Table table, Encoding encoding, Output& out) {
       column.name = "normal_" + column.name.substr(1);
     columns.push_back(std::move(column));
   }
-  out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, encoding));
-  write_data(columns, table.size(), encoding, out);
+  out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, writing.encoding));
+  write_data(columns, table.size(), writing.encoding, out);
 }
 
 }  // namespace pointfair::io

@@ -376,7 +376,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::str
 
 }  // namespace
 
-std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name, const Reading&) {
   PlyFile file;
   file.header = parse_ply_header(bytes.view(), name);
   find_xyz(file.vertex(), name);

@@ -347,7 +347,7 @@ class NewFile {
 }  // namespace
 }  // namespace e57
 
-void write_e57(Table table, Output& out) {
+void write_e57(Table table, const Writing&, Output& out) {
   e57::NewFile(std::move(table), "pointfair " + std::string(version())).write(out);
 }
 

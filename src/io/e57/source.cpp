@@ -212,7 +212,7 @@ std::vector<Content> E57Source::contents() const {
 
 }  // namespace e57
 
-std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name, const Reading&) {
   const std::string_view view = bytes.view();
   const e57::FileHeader header = e57::parse_file_header(view, name);
   e57::check_pages(view, name);

@@ -265,7 +265,7 @@ class GltfSource final : public HeldSource {
 }  // namespace
 }  // namespace gltf
 
-std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name, const Reading&) {
   const gltf::Document document(std::move(bytes), name);
   try {
     gltf::Scene scene(document);

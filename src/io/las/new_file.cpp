@@ -267,8 +267,9 @@ void check_new_las(const Cloud& cloud, std::optional<double> scale) {
   las::choose_scaling(range, scale);
 }
 
-void write_las(Table table, bool compress, std::optional<double> scale, Output& out) {
-  write_patched(out, [&](Output& to) { las::NewFile(table, compress, scale, to).write(); });
+void write_las(Table table, const Writing& writing, Output& out) {
+  const bool compress = writing.encoding == Encoding::binary_compressed;
+  write_patched(out, [&](Output& to) { las::NewFile(table, compress, writing.las_scale, to).write(); });
 }
 
 }  // namespace pointfair::io

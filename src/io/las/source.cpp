@@ -120,7 +120,7 @@ std::size_t tail_begin(std::string_view bytes, const Header& header, const Chunk
 }  // namespace
 }  // namespace las
 
-std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence) {
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, const Reading& reading) {
   using namespace las;
   const std::string_view view = bytes.view();
   if (!view.starts_with("LASF")) fail(name, "is no LAS file: it does not begin with LASF; choose another file");
@@ -148,7 +148,8 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Resid
   layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());
   layout.table_begin = table.begin;
   layout.points_end = tail_begin(view, layout.header, table, name);
-  auto store = decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name, residence);
+  auto store =
+      decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name, reading.residence);
   return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
 }
 

@@ -115,7 +115,7 @@ RecordLayout lay_out(const Header& header, const std::string& name) {
 }  // namespace
 }  // namespace npy
 
-std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name, const Reading&) {
   const npy::Header header = npy::parse_header(bytes.view(), name);
   RecordLayout layout = npy::lay_out(header, name);
   if (layout.count == 0) fail(name, "has no points; choose another file");
@@ -129,7 +129,7 @@ std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name) {
 }
 
 // N x 3 where there is nothing but coordinates, else records.
-void write_npy(const Table& table, Output& out) {
+void write_npy(Table table, const Writing&, Output& out) {
   const NativeType type = native(table.coordinate_type);
   if (table.columns.empty()) {
     out.write(npy::make_header(type, table.size(), 3));
@@ -154,7 +154,7 @@ void write_npy(const Table& table, Output& out) {
 }
 
 // Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
-std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Format format) {
+std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, const Reading& reading) {
   class Floats final : public RecordSource {
    public:
     using RecordSource::RecordSource;
@@ -169,7 +169,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Fo
   };
   static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
   RecordLayout layout;
-  for (std::size_t f = 0; f < (format == Format::kitti ? 4U : 5U); ++f) {
+  for (std::size_t f = 0; f < (reading.format == Format::kitti ? 4U : 5U); ++f) {
     layout.fields.push_back({{kNames[f], NativeType::float32}, 4 * f});
   }
   layout.record_size = 4 * layout.fields.size();
@@ -181,7 +181,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Fo
   if (points.size() % layout.record_size != 0 || points.empty())
     fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
                    " floats; is it the other of kitti and nuscenes, or cut off?");
-  return std::make_shared<Floats>(std::move(bytes), name, format, Encoding::binary, std::move(layout), points);
+  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout), points);
 }
 
 }  // namespace pointfair::io

@@ -124,7 +124,7 @@ std::shared_ptr<Source> read_binary(FileBytes bytes, const std::string& name) {
 
 }  // namespace stl
 
-std::shared_ptr<Source> read_stl(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_stl(FileBytes bytes, const std::string& name, const Reading&) {
   // Binary files may begin with "solid", too; their size tells.
   const bool is_text = bytes.view().starts_with("solid") || bytes.view().starts_with("SOLID");
   if (is_text && !stl::is_binary(bytes.view())) return stl::read_text(std::move(bytes), name);
