@@ -2,7 +2,6 @@
 #include "surface.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <utility>
 

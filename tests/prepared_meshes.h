@@ -5,8 +5,6 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <functional>
-#include <set>
-#include <vector>
 
 #include "mesh/topology.hpp"
 #include "meshes.h"

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <thread>
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"

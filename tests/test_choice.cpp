@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <string>
 
 #include "pointfair/pointfair.hpp"
 #include "runs.h"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files as people and other programs write them.
-#include <cmath>
 
 #include "io/source.hpp"
 #include "io_cases.h"

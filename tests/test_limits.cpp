@@ -2,7 +2,6 @@
 // Where and how far points may move.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
-#include <limits>
 
 #include "many_shapes.h"
 #include "pointfair/pointfair.hpp"

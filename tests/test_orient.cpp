@@ -3,7 +3,6 @@
 // shape with signs at random.
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <numeric>
 #include <random>

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/text.hpp"
 #include "platform/path_text.hpp"

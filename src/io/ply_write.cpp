@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/ply_body.hpp"
 #include "io/ply_header.hpp"

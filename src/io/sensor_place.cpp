@@ -9,7 +9,6 @@
 #include <optional>
 #include <string>
 
-#include "io/scalar.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {

@@ -2,7 +2,6 @@
 #include "scale/outlier_edits.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <optional>
 #include <span>

@@ -2,7 +2,6 @@
 #include "io/las/store.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 #include "io/file_bytes.hpp"
