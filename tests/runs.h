@@ -19,7 +19,7 @@
 
 namespace pointfair {
 
-inline std::vector<Point> result_of(Pipeline& pipeline, const std::vector<Point>& points, const Params& params = {}) {
+inline std::vector<Point> result_of(Pipeline& pipeline, std::span<const Point> points, const Params& params = {}) {
   std::vector<Point> out(points.size());
   pipeline.load(points);
   pipeline.run(params, out);

@@ -159,17 +159,12 @@ TEST(Cards, leave_runs_that_need_a_whole_cloud_to_the_cpu_where_it_is_in_tiles) 
 std::unique_ptr<Backend> sharing() { return std::make_unique<SharingBackend>(make_cpu_backend(0)); }
 
 std::vector<Params> kinds_of_params() {
-  std::vector<Params> kinds(6);
-  kinds[1].k = 8;
-  kinds[1].iterations = 1;
-  kinds[2].outliers = Outliers::mark;
-  kinds[2].iterations = 3;
-  kinds[3].method = Method::mls;
-  kinds[4].k = 12;
-  kinds[4].constraint = true;
-  kinds[5].method = Method::taubin;
-  kinds[5].k = 10;
-  return kinds;
+  return {{},
+          {.k = 8, .iterations = 1},
+          {.outliers = Outliers::mark, .iterations = 3},
+          {.method = Method::mls},
+          {.k = 12, .constraint = true},
+          {.k = 10, .method = Method::taubin}};
 }
 
 TEST(Cards, share_a_cloud_that_lies_on_the_first_of_them) {

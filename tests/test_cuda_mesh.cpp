@@ -155,11 +155,9 @@ TEST_F(CudaMeshTest, runs_with_and_without_the_mesh_take_turns) {
     pipeline->load(mesh.points);
     pipeline->set_faces(meshes::polygons_of(mesh.faces));
   }
-  std::vector<Params> turns(5);
-  turns[0].connectivity = turns[2].connectivity = turns[4].connectivity = Connectivity::mesh;
-  turns[1].k = 8;
-  turns[2].rings = 1;
-  turns[3].method = Method::implicit;
+  const Params along{.connectivity = Connectivity::mesh};
+  const Params turns[] = {
+      along, {.k = 8}, {.connectivity = Connectivity::mesh, .rings = 1}, {.method = Method::implicit}, along};
   for (const Params& params : turns) {
     shapes::Points expected(mesh.points.size()), out = expected;
     cpu.run(params, expected);

@@ -250,17 +250,11 @@ TEST(Degenerate, widths_far_above_the_cloud_stay_finite) {
 
 TEST(Degenerate, points_with_fewer_than_three_neighbors_keep_their_places_and_are_counted) {
   const Points points = shapes::waves(1000);
-  std::vector<Params> kinds(5);
-  kinds[0].k = 1;
-  kinds[1].k = 2;
-  for (const std::size_t kind : {2, 3}) {
-    kinds[kind].radius = kind == 2 ? 1e-4 : 1e-25;
-    kinds[kind].min_neighbors = 1;
-    kinds[kind].flat_scale = 1;
-  }
-  kinds[4].k = 8;
-  kinds[4].constraint = true;
-  kinds[4].rho = kinds[4].delta = 1e-5;
+  const Params kinds[] = {{.k = 1},
+                          {.k = 2},
+                          {.radius = 1e-4, .min_neighbors = 1, .flat_scale = 1},
+                          {.radius = 1e-25, .min_neighbors = 1, .flat_scale = 1},
+                          {.k = 8, .constraint = true, .rho = 1e-5, .delta = 1e-5}};
   for (const Params& params : kinds) {
     const Ran result(points, params);
     EXPECT_TRUE(same_bits(result.points, points));
