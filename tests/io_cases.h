@@ -25,6 +25,8 @@ inline std::string with_cr(const std::string& text) { return replaced(text, "\n"
 
 struct Given {
   std::string name, bytes, csv;
+  std::string lost = {};  // words of what is told when it becomes a file of the other format
+  Format other = Format::ply;
 };
 
 // A byte order mark is skipped, and lines may end in '\r' alone.

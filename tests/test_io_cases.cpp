@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files as people and other programs write them.
 
+#include <cmath>
+
 #include "io/source.hpp"
-#include "io_cases.h"
-#include "io_files.h"
+#include "io_variants.h"
+#include "las_files.h"
 
 namespace pointfair::test {
 namespace {
+
+std::vector<Given> all_files() {
+  std::vector<Given> all = all_given(), variants = variants::all_variants();
+  all.insert(all.end(), variants.begin(), variants.end());
+  return all;
+}
 
 // Blanks for commas, and no names where there are coordinates only.
 std::string as_txt(const std::string& csv) {
@@ -19,7 +27,7 @@ std::string cut(const std::string& text) { return text.substr(0, 160); }
 }  // namespace
 
 TEST(FilesCases, EveryKindIsReadRight) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     const Cloud cloud = parse(given.bytes, given.name);
     // in a format of another family, so that the file is written anew
@@ -32,7 +40,7 @@ TEST(FilesCases, EveryKindIsReadRight) {
 }
 
 TEST(FilesCases, ACopyKeepsEveryByte) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     const Cloud cloud = parse(given.bytes, given.name);
     EXPECT_EQ(image(cloud, cloud.source->format()), given.bytes);
@@ -40,17 +48,28 @@ TEST(FilesCases, ACopyKeepsEveryByte) {
 }
 
 TEST(FilesCases, AMovedPointIsReadWhereItWent) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     Cloud cloud = parse(given.bytes, given.name);
     Point& last = cloud.points.back();
     last.y += 0.5F;
     const Cloud again = parse(image(cloud, cloud.source->format()), given.name);
     ASSERT_EQ(again.points.size(), cloud.points.size());
-    EXPECT_EQ(again.origin[1] + again.points.back().y, cloud.origin[1] + last.y);
+    if (std::isfinite(last.y)) {
+      EXPECT_EQ(again.origin[1] + again.points.back().y, cloud.origin[1] + last.y);
+    }
     EXPECT_EQ(std::memcmp(&again.points.front(), &cloud.points.front(), sizeof(float)), 0);
     for (const AttributeInfo& info : attributes(cloud))
       EXPECT_EQ(attribute(again, info.name).data, attribute(cloud, info.name).data);
+  }
+}
+
+TEST(FilesCases, WhatIsLostIsTold) {
+  for (const Given& given : all_files()) {
+    if (given.lost.empty()) continue;
+    std::string notes;
+    for (const std::string& note : losses(parse(given.bytes, given.name), given.other)) notes += note + "\n";
+    EXPECT_NE(notes.find(given.lost), std::string::npos) << given.name << ": " << notes;
   }
 }
 
@@ -103,8 +122,6 @@ TEST(FilesCases, NegativeZeroStays) {
 
 TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
   const Bad all[] = {
-      {"a.csv", std::string("\xFF\xFEx\0,\0", 6), "text in UTF-16; convert it to UTF-8"},
-      {"a.txt", std::string("\xFE\xFF\0x", 4), "text in UTF-16"},
       {"a.csv", "A,B,C\n1,2,3\n",
        "no column is called 'x', there are 'A', 'B', 'C'; say what the columns are, as in --columns"},
       {"a.csv", "id,east,north\n1,2,3\n", "no column is called 'z', there are 'id', 'east', 'north'"},
@@ -129,6 +146,13 @@ TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
       {"a.txt", "0x1.8p0 2 3\n4 5 6\n", "line 1: '0x1.8p0' is not a number"},
   };
   for (const Bad& bad : all) expect_refused(bad.bytes, bad.name, bad.message);
+}
+
+TEST(FilesCases, Utf16IsNamed) {
+  for (const std::string& front : {std::string("\xFF\xFE", 2), std::string("\xFE\xFF", 2)})
+    for (const char* name : {"a.csv", "a.ply", "a.obj", "a.asc", "a.txt"}) {
+      expect_refused(front + std::string("v\0 \0", 4), name, "is text in UTF-16; convert it to UTF-8");
+    }
 }
 
 TEST(FilesCases, OptionsSayWhatTheColumnsAre) {
@@ -188,6 +212,16 @@ TEST(FilesCases, ColoursKeepTheirMeaning) {
   EXPECT_EQ(reds("13107,65535,0"), "51 255 0\n");
   EXPECT_EQ(reds("13107.0,65535.0,0"), "51 255 0\n");
   EXPECT_EQ(reds("51,255,0"), "51 255 0\n");
+}
+
+TEST(FilesCases, ColoursOfSixteenBitsBecomeBytesInPly) {
+  for (const unsigned format : {2U, 3U, 7U, 8U}) {
+    const Cloud las = parse(make_las({.minor = 4, .format = format, .count = 20}), "a.las"),
+                ply = parse(image(las, Format::ply));
+    const auto wide = values<std::uint16_t>(las, "green");
+    const auto bytes = values<std::uint8_t>(ply, "green");
+    for (std::size_t i = 0; i < wide.size(); ++i) EXPECT_EQ(bytes[i], (wide[i] + 128) / 257) << format;
+  }
 }
 
 }  // namespace pointfair::test
