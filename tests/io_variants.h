@@ -6,7 +6,8 @@
 
 #include "io_cases.h"
 
-namespace pointfair::test::variants {
+namespace pointfair::test {
+namespace variants {
 
 inline std::string binary_ply(const std::string& properties, const std::string& body, bool big_endian = false,
                               const std::string& after = "") {
@@ -253,12 +254,15 @@ inline const std::vector<Given>& scans() {
   return all;
 }
 
-inline std::vector<Given> all_variants() {
-  std::vector<Given> all;
+}  // namespace variants
+
+inline std::vector<Given> all_files() {
+  using namespace variants;
+  std::vector<Given> all = all_given();
   for (const auto* table :
        {&bytes(), &colors(), &parts(), &numbers(), &tokens(), &fronts_of_text(), &words(), &scans()})
     all.insert(all.end(), table->begin(), table->end());
   return all;
 }
 
-}  // namespace pointfair::test::variants
+}  // namespace pointfair::test

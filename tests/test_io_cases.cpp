@@ -10,12 +10,6 @@
 namespace pointfair::test {
 namespace {
 
-std::vector<Given> all_files() {
-  std::vector<Given> all = all_given(), variants = variants::all_variants();
-  all.insert(all.end(), variants.begin(), variants.end());
-  return all;
-}
-
 // Blanks for commas, and no names where there are coordinates only.
 std::string as_txt(const std::string& csv) {
   const std::string text = replaced(csv, ",", " ");

@@ -4,7 +4,8 @@
 #include <fstream>
 
 #include "e57_sample.h"
-#include "io_cases.h"
+#include "io/text.hpp"
+#include "io_variants.h"
 #include "laz_parts.h"
 
 namespace {
@@ -74,8 +75,9 @@ void put_scans_and_meshes(const fs::path& folder) {
 // As people write them; the formats of tables are fuzzed with all of those.
 void put_cases(const fs::path& folder) {
   int number = 0;
-  for (const test::Given& given : test::all_given()) {
-    const std::string name = std::to_string(number++), extension = fs::path(given.name).extension().string();
+  for (const test::Given& given : test::all_files()) {
+    const std::string name = std::to_string(number++),
+                      extension = io::lower_case(fs::path(given.name).extension().string());
     const bool is_table =
         extension == ".asc" || extension == ".csv" || extension == ".txt" || extension.starts_with(".xyz");
     if (is_table) {
