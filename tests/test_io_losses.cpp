@@ -44,9 +44,9 @@ TEST(FilesLosses, NothingVanishesWithoutANote) {
       }
       const Cloud there = parse(image(cloud, format), std::string("a.") + extension);
       const std::vector<std::string> notes = losses(cloud, format);
-      EXPECT_TRUE(thing.is_there(there) || told(notes, thing.word)) << joined(notes);
+      EXPECT_TRUE(is_there(thing, there) || told(notes, thing.word)) << joined(notes);
       // and the table says the truth
-      EXPECT_EQ(thing.is_there(there), keeps == io::Keeps::kept) << joined(notes);
+      EXPECT_EQ(is_there(thing, there), keeps == io::Keeps::kept) << joined(notes);
       if (copied) {
         EXPECT_TRUE(notes.empty()) << joined(notes);
       }
@@ -126,7 +126,7 @@ TEST(FilesLosses, IntensityBecomesTheOneOfLas) {
   const auto written = [](const std::string& values) {
     const Cloud cloud = parse("x,y,z,Intensity\n1,2,3," + values + "\n4,5,6,1\n", "a.csv");
     const Cloud las = parse(image(cloud, Format::las), "a.las");
-    EXPECT_FALSE(has_name(las, "intensity_2"));
+    EXPECT_FALSE(attribute_info(las, "intensity_2"));
     return test::values<std::uint16_t>(las, "intensity");
   };
   EXPECT_EQ(written("700"), (std::vector<std::uint16_t>{700, 1}));
