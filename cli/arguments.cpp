@@ -237,9 +237,8 @@ double parse_share(std::string_view name, const std::string& text) {
   double value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (percent) value /= 100;
-  if (error != std::errc() || end != digits.data() + digits.size() || !(value >= 0 && value <= 1)) {
+  if (error != std::errc() || end != digits.data() + digits.size() || !(value >= 0 && value <= 1))
     throw Error(ErrorKind::usage, fmt::format("--{} {}: use a share from 0% to 100%", name, text));
-  }
   return value;
 }
 

@@ -60,9 +60,8 @@ std::vector<Point> make_cloud(std::uint64_t count) {
 // The stages of several runs, in the order of the first, each with its median.
 std::vector<StageTime> stage_medians(const std::vector<std::vector<StageTime>>& runs) {
   std::map<std::string, std::vector<double>> samples;
-  for (const auto& run : runs) {
+  for (const auto& run : runs)
     for (const StageTime& stage : run) samples[stage.name].push_back(stage.milliseconds);
-  }
   std::vector<StageTime> result = runs.front();
   for (StageTime& stage : result) stage.milliseconds = median(samples[stage.name]);
   return result;

@@ -54,9 +54,8 @@ std::string comparison_text(const Distances& comparison) {
     text += line("edge rms", *comparison.edge_rms, diagonal);
     fmt::format_to(std::back_inserter(text), "{:<10}of {} points\n", "", comparison.edge_points);
   }
-  if (comparison.normal_error) {
+  if (comparison.normal_error)
     fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n", "normals", *comparison.normal_error);
-  }
   if (comparison.faces) text += faces_text(*comparison.faces, diagonal);
   return text;
 }

@@ -25,19 +25,17 @@ struct NoiseArguments {
 };
 
 void check_arguments(const NoiseArguments& arguments) {
-  if (arguments.uneven && !arguments.points) {
+  if (arguments.uneven && !arguments.points)
     throw Error(ErrorKind::usage, "--uneven needs --points N: only a mesh that is sampled has a density to vary");
-  }
   if (!arguments.force) check_not_same(arguments.input, arguments.output, "name another output");
   check_writable(arguments.output, arguments.force);
 }
 
 Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
   const auto faces = triangles(mesh);
-  if (faces.empty()) {
+  if (faces.empty())
     throw Error(ErrorKind::usage,
                 fmt::format("{}: has no faces to sample; leave --points out to take its points", arguments.input));
-  }
   return {
       .origin = mesh.origin,
       .points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed)};

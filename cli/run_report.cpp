@@ -87,9 +87,8 @@ std::string param_told(const Params& asked, const Params& used, const ParamInfo&
 void print_details(const Report& report, const Params& asked) {
   fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
              report.device.reason);
-  for (const ParamInfo& info : kParams) {
+  for (const ParamInfo& info : kParams)
     fmt::print(stderr, "  {:<18} {}\n", info.name, param_told(asked, report.params, info));
-  }
   for (const StageTime& stage : report.stages)
     fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
 }

@@ -34,9 +34,8 @@ void for_each_index(std::uint64_t count, const F& body) {
 class Density {
  public:
   Density(const Box& box, double ratio) : log_ratio_(portable_log(ratio)) {
-    for (int axis = 1; axis < 3; ++axis) {
+    for (int axis = 1; axis < 3; ++axis)
       if (box.max[axis] - box.min[axis] > box.max[axis_] - box.min[axis_]) axis_ = axis;
-    }
     start_ = box.min[axis_];
     length_ = box.max[axis_] - start_;
   }

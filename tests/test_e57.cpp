@@ -309,9 +309,7 @@ TEST(E57Errors, AFullDiskIsNamedWithTheBytesThatAreNeeded) {
 
 TEST(E57Errors, EveryTruncatedPrefixIsRefused) {
   const std::string file = make_e57({floats("single")});
-  for (std::size_t size = 0; size < file.size(); size += 1 + size / 50) {
-    refusal(file.substr(0, size), "a.e57");
-  }
+  for (std::size_t size = 0; size < file.size(); size += 1 + size / 50) refusal(file.substr(0, size), "a.e57");
 }
 
 TEST(E57Errors, ADamagedPageIsNamed) {

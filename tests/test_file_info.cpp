@@ -21,9 +21,8 @@ std::string las_with(const std::vector<std::pair<unsigned, std::string>>& projec
 }
 
 std::string row(const FileInfo& info, const std::string& name) {
-  for (const FileInfo::Row& r : info.rows) {
+  for (const FileInfo::Row& r : info.rows)
     if (r.name == name) return r.value;
-  }
   return "(none)";
 }
 
@@ -31,9 +30,8 @@ FileInfo info_of(const std::string& las) { return file_info(parse(las, "a.las"))
 
 std::string geo_keys(std::initializer_list<std::pair<int, int>> keys) {
   std::string data = packed<std::uint16_t>({1, 1, 0, static_cast<std::uint16_t>(keys.size())});
-  for (const auto& [key, value] : keys) {
+  for (const auto& [key, value] : keys)
     data += packed<std::uint16_t>({static_cast<std::uint16_t>(key), 0, 1, static_cast<std::uint16_t>(value)});
-  }
   return data;
 }
 

@@ -31,9 +31,8 @@ std::string ply_records(bool big) {
   std::string bytes = std::string("ply\nformat ") + (big ? "binary_big_endian" : "binary_little_endian") +
                       " 1.0\nelement vertex 3\nproperty short id\nproperty float x\nproperty float y\n"
                       "property float z\nend_header\n";
-  for (const short id : {short{1}, short{2}, short{3}}) {
+  for (const short id : {short{1}, short{2}, short{3}})
     bytes += packed<short>({id}, big) + packed<float>({0.5F * id, 1.0F / id, -id / 3.0F}, big);
-  }
   return bytes;
 }
 
@@ -50,9 +49,8 @@ std::string pcd_ascii() {
 
 std::string pcd_binary() {
   std::string bytes = pcd_header("binary");
-  for (const float f : {1.0F, 2.0F, NAN, 4.0F}) {
+  for (const float f : {1.0F, 2.0F, NAN, 4.0F})
     bytes += packed<float>({f, f + 1, f + 2}) + "abc" + packed<std::int16_t>({5, -6}) + packed<std::uint64_t>({~0ULL});
-  }
   return bytes;
 }
 
@@ -165,9 +163,8 @@ TEST(FilesRoundTrip, AttributesHaveTheValuesOfTheFile) {
 TEST(FilesRoundTrip, FacesAreGivenAsFans) {
   using Triangles = std::vector<std::array<std::uint32_t, 3>>;
   const auto of = [](const std::string& name) {
-    for (const Sample& sample : samples()) {
+    for (const Sample& sample : samples())
       if (sample.name == name) return triangles(parse(sample.bytes, name));
-    }
     return Triangles{};
   };
   EXPECT_EQ(of("ascii.ply"), (Triangles{{0, 1, 2}, {0, 1, 2}, {0, 2, 0}}));

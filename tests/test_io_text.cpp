@@ -40,9 +40,8 @@ TEST(FilesText, NumbersAreReadAsWritten) {
     EXPECT_EQ(*io::to_number(word), value) << word;
   }
   EXPECT_TRUE(std::isnan(*io::to_number("nan")));
-  for (const char* word : {"", "+", "-", "1x", "0x10", "1,5", "one", "1e", "+-1", "--1", "."}) {
+  for (const char* word : {"", "+", "-", "1x", "0x10", "1,5", "one", "1e", "+-1", "--1", "."})
     EXPECT_FALSE(io::to_number(word)) << word;
-  }
 }
 
 TEST(FilesText, AMovedNumberLosesNoDigit) {

@@ -230,9 +230,8 @@ TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
     const Cloud again = parse(after, "a.las");
     const auto ny = values<float>(again, "ny");
     for (std::size_t i = 0; i < spec.count; ++i) EXPECT_EQ(ny[i], normals[3 * i + 1]);
-    for (const AttributeInfo& info : attributes(parse(las, "a.las"))) {
+    for (const AttributeInfo& info : attributes(parse(las, "a.las")))
       EXPECT_EQ(attribute(again, info.name).data, attribute(cloud, info.name).data) << info.name;
-    }
     EXPECT_NE(after.find(std::string(70000, 'x')), std::string::npos);  // the record behind the points
     EXPECT_EQ(after.substr(las_get<std::uint64_t>(after, 235) + 2, 7), "someone");
   }

@@ -52,9 +52,8 @@ std::vector<las::LayeredChunk> layered_chunks(const std::string& laz) {
   const las::Header header = las::parse_header(laz, "test");
   const las::Compression compression = las::read_compression(header, "test");
   std::vector<las::LayeredChunk> result;
-  for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks) {
+  for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks)
     result.push_back(las::split_layers(chunk.bytes, header.record_length, compression.layers(), chunk.points).value());
-  }
   return result;
 }
 
@@ -77,9 +76,8 @@ TEST(LazFiles, CoordinatesAndAttributesAreThoseOfTheUncompressedFile) {
     const Cloud plain = parse(las, "a.las"), packed = parse(make_laz(las, c.laz), "a.laz");
     ASSERT_EQ(plain.points.size(), packed.points.size());
     EXPECT_EQ(std::memcmp(plain.points.data(), packed.points.data(), plain.points.size() * sizeof(Point)), 0);
-    for (const AttributeInfo& info : attributes(plain)) {
+    for (const AttributeInfo& info : attributes(plain))
       EXPECT_EQ(attribute(plain, info.name).data, attribute(packed, info.name).data) << info.name;
-    }
   }
 }
 
@@ -96,9 +94,8 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
     // the header: what changes are the bounds, and the places of what stands behind the points
     std::string wanted = laz.substr(0, las_points_begin(laz));
     wanted.replace(179, 48, plain_after, 179, 48);
-    for (const std::size_t at : {227U, 235U}) {
+    for (const std::size_t at : {227U, 235U})
       if (c.las.minor >= 4) wanted.replace(at, 8, after, at, 8);
-    }
     EXPECT_TRUE(after.substr(0, wanted.size()) == wanted);
     if (c.las.minor >= 4 && c.las.extended) {
       const auto begin = las_get<std::uint64_t>(after, 235);
@@ -316,10 +313,9 @@ TEST(LazFiles, APlyFileBecomesLaz) {
   std::string ply =
       "ply\nformat ascii 1.0\nelement vertex 120000\nproperty float x\nproperty float y\nproperty float z\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty double gps_time\nend_header\n";
-  for (int i = 0; i < 120000; ++i) {
+  for (int i = 0; i < 120000; ++i)
     ply += std::to_string(i % 300) + " " + std::to_string(i / 300) + " " + std::to_string(i % 7) + ".5 1 2 3 " +
            std::to_string(i) + "\n";
-  }
   const Cloud cloud = parse(ply);
   const std::string laz = image(cloud, Format::laz), las = image(cloud, Format::las);
   EXPECT_TRUE(laz_records(laz) == records_of(las));

@@ -15,9 +15,7 @@ namespace las = io::las;
 TEST(LazErrors, EveryTruncatedPrefixIsRefused) {
   for (const unsigned format : {1U, 7U}) {
     const std::string laz = make_laz(make_las({.minor = 4, .format = format, .extended = false}), {0, 40, false});
-    for (std::size_t size = 0; size + 1 < laz.size(); size += 1 + size / 1000) {
-      refusal(laz.substr(0, size), "a.laz");
-    }
+    for (std::size_t size = 0; size + 1 < laz.size(); size += 1 + size / 1000) refusal(laz.substr(0, size), "a.laz");
   }
 }
 

@@ -144,9 +144,8 @@ TEST(Limits, IgnoredPointsKeepTheirPlaceAndAreNobodysNeighbours) {
   Cloud denoised = pipeline.run();
   apply_limits(limits, cloud, denoised);
   Cloud others;
-  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+  for (std::size_t i = 0; i < cloud.points.size(); ++i)
     if (i % 3 != 2) others.points.push_back(cloud.points[i]);
-  }
   pipeline.load(others);
   others = pipeline.run();
   std::size_t next = 0;

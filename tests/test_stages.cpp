@@ -60,9 +60,7 @@ void expect_like_reference(const Points& points, const Params& params, const std
     if (!reference::is_valid(points[i])) continue;
     short_lists += settings.constraint && e.neighbors < std::size_t(settings.k);
     counts.too_few_neighbors += e.neighbors < 3 && !e.is_outlier;  // in the last iteration, which outliers do not see
-    if (e.neighbors >= 3) {
-      ill_determined += e.normal.gap < kLeastComparedGap;
-    }
+    if (e.neighbors >= 3) ill_determined += e.normal.gap < kLeastComparedGap;
     if (e.neighbors >= 3 && e.normal.gap < kLeastComparedGap) continue;
     const double gap = e.neighbors < 3 ? 1 : e.normal.gap;
     const double off = reference::length(reference::to_vec(out[i]) - e.position);
@@ -162,10 +160,9 @@ TEST(Stages, agree_with_the_reference_for_every_switch) {
 
 TEST(Stages, agree_with_the_reference_for_radii_that_follow_the_density) {
   const Points points = shapes::with_noise(shapes::uneven(900, 20), 0.004);
-  for (const int min_neighbors : {1, 6, 16, 64}) {
+  for (const int min_neighbors : {1, 6, 16, 64})
     expect_like_reference(points, {.radius = 0.06, .min_neighbors = min_neighbors, .iterations = 1},
                           "min_neighbors " + std::to_string(min_neighbors));
-  }
 }
 
 TEST(Stages, agree_with_the_reference_for_neighbourhoods_that_are_thinned) {

@@ -238,9 +238,8 @@ TEST(Tiles, has_the_estimates_of_the_whole) {
       Points expected(queries.size() * std::size_t(k + 1)), rows = expected;
       whole->sampling().sample_neighborhoods(queries, k, expected);
       cut->sampling().sample_neighborhoods(queries, k, rows);
-      for (std::size_t i = 0; i < rows.size(); ++i) {
+      for (std::size_t i = 0; i < rows.size(); ++i)
         if (std::isnan(expected[i].x) && std::isnan(rows[i].x)) rows[i] = expected[i] = {};
-      }
       EXPECT_EQ(difference(expected, rows), "") << k;
     }
     const CloudSample a = whole->sampling().sample_cloud(500), b = cut->sampling().sample_cloud(500);

@@ -44,14 +44,12 @@ ColourSource colour_source(const std::vector<AttributeInfo>& infos) {
 double white_of(const Attribute& channel, std::size_t points) {
   if (channel.type == ScalarType::uint8) return 255;
   if (channel.type == ScalarType::float32 || channel.type == ScalarType::float64) {
-    for (std::size_t i = 0; i < points; ++i) {
+    for (std::size_t i = 0; i < points; ++i)
       if (value_at(channel, i) > 1) return 255;
-    }
     return 1;
   }
-  for (std::size_t i = 0; i < points; ++i) {
+  for (std::size_t i = 0; i < points; ++i)
     if (value_at(channel, i) > 255) return 65535;
-  }
   return 255;
 }
 
@@ -60,9 +58,8 @@ std::uint8_t brightness(double value, double white) {
 }
 
 bool is_zero_everywhere(const Attribute& attribute, std::uint32_t component, std::size_t points) {
-  for (std::size_t i = 0; i < points; ++i) {
+  for (std::size_t i = 0; i < points; ++i)
     if (value_at(attribute, i, component) != 0) return false;
-  }
   return true;
 }
 

@@ -24,9 +24,8 @@ static auto find_named(All& all, std::string_view name) {
 std::vector<AttributeInfo> attributes(const Cloud& cloud) {
   std::vector<AttributeInfo> result;
   if (cloud.source) {
-    for (const io::Column& column : cloud.source->columns()) {
+    for (const io::Column& column : cloud.source->columns())
       result.push_back({column.name, io::shown_as(column.type), column.components});
-    }
   }
   for (const Attribute& added : cloud.added) {
     const auto own = find_named(result, added.name);

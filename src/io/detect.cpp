@@ -40,9 +40,8 @@ bool is_off_keyword(std::string_view word) {
   if (lower_case(word) == "off") return true;
   if (!word.ends_with("OFF")) return false;
   word.remove_suffix(3);
-  for (const std::string_view prefix : {"ST", "C", "N", "4", "n"}) {
+  for (const std::string_view prefix : {"ST", "C", "N", "4", "n"})
     if (word.starts_with(prefix)) word.remove_prefix(prefix.size());
-  }
   return word.empty();
 }
 

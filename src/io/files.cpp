@@ -18,14 +18,12 @@ namespace {
 
 void check(const Cloud& cloud) {
   if (cloud.points.empty()) refuse("the cloud has no points, so there is nothing to write");
-  if (cloud.source && cloud.source->size() != cloud.points.size()) {
+  if (cloud.source && cloud.source->size() != cloud.points.size())
     refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
            std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
-  }
   for (const Attribute& added : cloud.added) {
-    if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type)) {
+    if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type))
       refuse("the attribute '" + added.name + "' does not have one value for each point");
-    }
   }
 }
 
@@ -39,17 +37,15 @@ bool has_encoding(Format format, Encoding encoding) {
                                                              {Encoding::binary_big_endian, "binary-big-endian"},
                                                              {Encoding::binary_compressed, "binary-compressed"}};
   std::string known;
-  for (const auto& [encoding, name] : kEncodings) {
+  for (const auto& [encoding, name] : kEncodings)
     if (has_encoding(format, encoding)) known += (known.empty() ? "" : ", ") + std::string(name);
-  }
   refuse("the format has no such encoding; it has " + known);
 }
 
 // What a new file is written in.
 Encoding usual_encoding(Format format) {
-  for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
+  for (const Encoding encoding : {Encoding::binary, Encoding::ascii})
     if (has_encoding(format, encoding)) return encoding;
-  }
   return Encoding::binary_compressed;
 }
 

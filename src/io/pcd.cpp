@@ -35,9 +35,8 @@ void write_compressed(std::string_view data, Output& out) {
   for_each_block(pieces.size(), [&](std::size_t p) { lzf_compress(data.substr(p * kPiece, kPiece), pieces[p]); });
   std::size_t size = 0;
   for (const std::string& piece : pieces) size += piece.size();
-  if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max()) {
+  if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max())
     throw Error(ErrorKind::usage, "a compressed PCD file holds at most 4 GiB; choose the binary encoding");
-  }
   std::string sizes;
   append_size(sizes, size);
   append_size(sizes, data.size());
@@ -71,9 +70,8 @@ void write_data(const std::vector<TableColumn>& columns, std::size_t points, Enc
 
 TableColumn coordinate_column(const std::vector<Position>& positions, std::size_t axis, NativeType type) {
   TableColumn column = zero_column({std::string(1, "xyz"[axis]), type}, positions.size());
-  for (std::size_t i = 0; i < positions.size(); ++i) {
+  for (std::size_t i = 0; i < positions.size(); ++i)
     store_double(column.data.data() + i * size_of(type), type, false, positions[i][axis]);
-  }
   return column;
 }
 
@@ -193,9 +191,8 @@ class PcdSource : public Base {
       this->patch(block, moves, edits.replaced, data.data(), 0, 0);
     });
     if (!moved && edits.added.empty()) return out.write(this->bytes());
-    for (const Attribute* attribute : edits.added) {
+    for (const Attribute* attribute : edits.added)
       data.append(reinterpret_cast<const char*>(attribute->data.data()), attribute->data.size());
-    }
     out.write(header(edits.added));
     write_compressed(data, out);
   }
@@ -217,12 +214,11 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
   layout.rows = find_rows(bytes.view().substr(layout.begin), layout.shape);
   layout.count = header.points();
   layout.exact = true;
-  if (const std::uint64_t found = layout.rows.count(); found != layout.count) {
+  if (const std::uint64_t found = layout.rows.count(); found != layout.count)
     fail_count(name, layout.count,
                found < layout.count
                    ? "file ends after " + std::to_string(found) + "; copy the file again or correct the header"
                    : "file holds " + std::to_string(found) + "; correct the header");
-  }
   if (header.record_size() / 8 > bytes.view().size()) fail(name, "COUNT names more values than the file has");
   for (std::size_t f = 0; f < header.fields.size(); ++f) {
     const Column& field = header.fields[f];
@@ -260,17 +256,15 @@ std::shared_ptr<Source> read_plain(FileBytes bytes, PcdHeader header, const std:
   const std::string_view data = bytes.view().substr(header.text.size());
   const std::size_t record = header.record_size();
   const std::uint64_t room = data.size() / record;
-  if (header.points() > room) {
+  if (header.points() > room)
     fail_count(name, header.points(),
                "file ends after " + std::to_string(room) + "; copy the file again or correct the header");
-  }
   const std::string_view points = data.substr(0, static_cast<std::size_t>(header.points()) * record);
   // Some writers round the size up.
-  if (data.substr(points.size()).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+  if (data.substr(points.size()).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos)
     fail_count(
         name, header.points(),
         std::to_string(data.size() - points.size()) + " bytes follow the last; correct the header or cut the file");
-  }
   RecordLayout layout = record_layout(header, false);
   return std::make_shared<PcdSource<RecordSource>>(std::move(header), nullptr, std::move(bytes), name, Format::pcd,
                                                    Encoding::binary, std::move(layout), points);
@@ -282,21 +276,18 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
   const std::uint64_t packed = load<std::uint32_t>(data.data(), kSwap);
   const std::uint64_t size = load<std::uint32_t>(data.data() + 4, kSwap);
   data.remove_prefix(kSizesBytes);
-  if (packed > data.size()) {
+  if (packed > data.size())
     fail(name, "header promises " + std::to_string(packed) + " bytes of compressed data, file ends after " +
                    std::to_string(data.size()) + "; copy it again");
-  }
   const std::size_t record = header.record_size();
-  if (header.points() != size / record || size % record != 0) {
+  if (header.points() != size / record || size % record != 0)
     fail_count(name, header.points(),
                "the compressed data holds " + std::to_string(size / record) + "; correct the header");
-  }
   data = data.substr(0, static_cast<std::size_t>(packed));
   std::unique_ptr<char[]> unpacked;
   if (size / kLzfLargestRatio <= packed) unpacked = std::make_unique_for_overwrite<char[]>(size);
-  if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size))) {
+  if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size)))
     fail(name, "the compressed data is damaged; copy the file again");
-  }
   const std::string_view points(unpacked.get(), static_cast<std::size_t>(size));
   RecordLayout layout = record_layout(header, true);
   return std::make_shared<PcdSource<RecordSource>>(std::move(header), std::move(unpacked), std::move(bytes), name,
@@ -335,9 +326,8 @@ void write_pcd(Table table, const Writing& writing, Output& out) {
   use_ply_names(table);
   pack_colors(table);
   std::vector<TableColumn> columns;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     columns.push_back(coordinate_column(table.positions, axis, native(table.coordinate_type)));
-  }
   for (TableColumn& column : table.columns) {
     if (column.name == "nx" || column.name == "ny" || column.name == "nz")
       column.name = "normal_" + column.name.substr(1);

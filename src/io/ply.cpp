@@ -32,12 +32,10 @@ std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string&
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::string wanted(1, static_cast<char>('x' + axis));
     xyz[axis] = find_property(vertex, wanted);
-    if (xyz[axis] == vertex.properties.size()) {
+    if (xyz[axis] == vertex.properties.size())
       fail(name, "the points have no property '" + wanted + "'; name the coordinates x, y, z in the header");
-    }
-    if (vertex.properties[xyz[axis]].list_count) {
+    if (vertex.properties[xyz[axis]].list_count)
       fail(name, "property '" + wanted + "' of the points is a list; a coordinate must be one number");
-    }
   }
   return xyz;
 }
@@ -69,9 +67,8 @@ void put_added(const AddedAttributes& added, std::uint64_t point, PlyEmitter& em
   for (const Attribute* attribute : added) {
     const std::size_t size = pointfair::size_of(attribute->type);
     const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
-    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size)
       emitter.put(load_double(from, native(attribute->type), false), native(attribute->type));
-    }
   }
 }
 
@@ -273,9 +270,8 @@ std::shared_ptr<Source> read_binary(FileBytes bytes, PlyFile file, const std::st
   }
   file.begins.push_back(at);
   // Some writers end a binary file with a line end.
-  if (view.substr(at).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+  if (view.substr(at).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos)
     fail_long(name, elements.back(), std::to_string(view.size() - at) + " bytes follow the last");
-  }
   RecordLayout layout = record_layout(file, name);
   layout.starts = std::move(starts);
   const std::string_view points = view.substr(layout.begin, file.begins[file.header.vertex + 1] - layout.begin);
@@ -323,9 +319,8 @@ bool find_wrapped(std::string_view bytes, PlyFile& file, const std::string& name
     cursor.begin_row();
     for (const PlyElement& element : file.header.elements) {
       begins.push_back(cursor.position());
-      for (std::uint64_t row = 0; row < element.count; ++row) {
+      for (std::uint64_t row = 0; row < element.count; ++row)
         for (const PlyProperty& property : element.properties) cursor.skip(property);
-      }
     }
   } catch (const Error&) {
     return false;
@@ -365,9 +360,8 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::str
     row += element.count;
   }
   file.begins.push_back(bytes.view().size());
-  if (row < rows.count()) {
+  if (row < rows.count())
     fail_long(name, file.header.elements.back(), std::to_string(rows.count() - row) + " more lines follow");
-  }
   TextLayout layout = text_layout(file, shape, std::move(rows), first_row, name);
   return std::make_shared<PlySource<TextSource>>(std::move(file), std::move(bytes), name, Format::ply,
                                                  std::move(layout));

@@ -33,9 +33,8 @@ void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
   const auto names = component_names(column.name, column.components);
   for (std::size_t c = 0; c < names.size(); ++c) {
     TableColumn part = zero_column({names[c], column.type}, rows);
-    for (std::size_t i = 0; i < rows; ++i) {
+    for (std::size_t i = 0; i < rows; ++i)
       std::memcpy(part.data.data() + i * size, column.data.data() + i * stride + c * size, size);
-    }
     to.push_back(std::move(part));
   }
 }
@@ -47,9 +46,8 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   const std::size_t rows = column.data.size() / 4;
   for (std::size_t c = 0; c < (column.name == "rgba" ? 4U : 3U); ++c) {
     TableColumn part = zero_column({kNames[c], NativeType::uint8}, rows);
-    for (std::size_t i = 0; i < rows; ++i) {
+    for (std::size_t i = 0; i < rows; ++i)
       part.data[i] = static_cast<char>(load<std::uint32_t>(column.data.data() + 4 * i, false) >> kShifts[c] & 255);
-    }
     to.push_back(std::move(part));
   }
 }
@@ -63,10 +61,9 @@ bool is_unit_color(const TableColumn& column) {
 void use_floats(TableColumn& column) {
   const std::size_t size = size_of(column.type), rows = column.data.size() / size;
   std::vector<char> floats(rows * sizeof(float));
-  for (std::size_t i = 0; i < rows; ++i) {
+  for (std::size_t i = 0; i < rows; ++i)
     store_double(floats.data() + i * sizeof(float), NativeType::float32, false,
                  load_double(column.data.data() + i * size, column.type, false));
-  }
   column.type = NativeType::float32;
   column.data = std::move(floats);
 }
@@ -107,9 +104,7 @@ Table make_table(const Cloud& cloud) {
   Table table;
   take_positions(cloud, table);
   if (cloud.source) {
-    for (const Column& its : cloud.source->columns()) {
-      table.columns.push_back(zero_column(its, table.size()));
-    }
+    for (const Column& its : cloud.source->columns()) table.columns.push_back(zero_column(its, table.size()));
     cloud.source->extract_several(places_of(table.columns));
     table.faces = cloud.source->faces();
   }

@@ -33,9 +33,8 @@ class XyzSource : public TextSource {
     for (std::size_t c = front_.named; c < front_.names.size(); ++c)
       names += front_.names_separator + one_word(front_.names[c]);
     for (const Attribute* attribute : added) {
-      for (const std::string& name : component_names(attribute->name, attribute->components)) {
+      for (const std::string& name : component_names(attribute->name, attribute->components))
         names += front_.names_separator + one_word(name);
-      }
     }
     return text.insert(front_.names_end, names);
   }

@@ -254,11 +254,10 @@ Params in_file_units(const Params& params, std::optional<double> metres_per_unit
   for (const ParamInfo& info : kParams) {
     const auto* const field = std::get_if<Length Params::*>(&info.field);
     if (field == nullptr || (params.*(*field)).unit != Length::Unit::metre) continue;
-    if (!metres_per_unit) {
+    if (!metres_per_unit)
       throw Error(ErrorKind::usage, flag_of(info.name) +
                                         ": the cloud's file does not say how long its unit is; give the length in "
                                         "file units, without mm, cm, m or ft");
-    }
     result.*(*field) = (params.*(*field)).value / *metres_per_unit;
   }
   return result;

@@ -59,9 +59,8 @@ inline void write_changed(Cloud cloud, Format format) {
       require(has_all_points(again, cloud, format));
     });
   }
-  for (const Format other : {Format::ply, Format::pcd, Format::csv, Format::off, Format::obj}) {
+  for (const Format other : {Format::ply, Format::pcd, Format::csv, Format::off, Format::obj})
     accepted([&] { write_bytes(cloud, other); });
-  }
 }
 
 inline bool same_points(const Cloud& a, const Cloud& b) {

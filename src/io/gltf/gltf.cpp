@@ -190,9 +190,8 @@ class Scene {
     auto column = std::find_if(table_.columns.begin(), table_.columns.end(),
                                [&](const TableColumn& c) { return c.name == name; });
     const bool is_byte = values.type == NativeType::uint8 && values.normalized && values.components >= 3;
-    if (column == table_.columns.end()) {
+    if (column == table_.columns.end())
       column = table_.columns.insert(column, zero_column({name, is_byte ? NativeType::uint8 : NativeType::float32}, 0));
-    }
     const std::size_t size = size_of(column->type);
     fill_up(*column, first);
     column->data.resize((first + values.count) * size);

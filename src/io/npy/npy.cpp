@@ -45,11 +45,10 @@ void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& lay
                    std::to_string(kMaxColumns) + " values. An array of shape (N, 3) or more can be read");
   if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
   const auto rows = static_cast<std::size_t>(layout.count);
-  for (std::size_t c = 0; c < columns; ++c) {
+  for (std::size_t c = 0; c < columns; ++c)
     layout.fields.push_back({{"column_" + std::to_string(c + 1), *field.type},
                              c * field.size * (header.fortran_order ? rows : 1),
                              field.size * (header.fortran_order ? 1 : columns)});
-  }
   layout.xyz = {0, 1, 2};
   layout.record_size = field.size * columns;
   layout.swap = field.big_endian != kBigEndian;
@@ -167,9 +166,8 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, co
   };
   static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
   RecordLayout layout;
-  for (std::size_t f = 0; f < (reading.format == Format::kitti ? 4U : 5U); ++f) {
+  for (std::size_t f = 0; f < (reading.format == Format::kitti ? 4U : 5U); ++f)
     layout.fields.push_back({{kNames[f], NativeType::float32}, 4 * f});
-  }
   layout.record_size = 4 * layout.fields.size();
   for (RecordField& field : layout.fields) field.stride = layout.record_size;
   layout.xyz = {0, 1, 2};

@@ -50,9 +50,8 @@ class BinarySource final : public Source {
   void append_block(std::size_t block, const Moves& moves, const Edits&, std::string& to) const override {
     const std::size_t first = block * kBlock, count = moves.values.size() / 3, base = to.size();
     to += bytes().substr(kHeader + first * kFacet, count * kFacet);
-    for (std::size_t f = 0; f < count; ++f) {
+    for (std::size_t f = 0; f < count; ++f)
       if (has_moved(moves, 3 * f)) patch(moves, 3 * f, to.data() + base + f * kFacet);
-    }
   }
 
  private:
