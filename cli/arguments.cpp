@@ -174,10 +174,8 @@ void add_input(CLI::App& command, InputArguments& arguments) {
 }
 
 ReadOptions make_read_options(const InputArguments& arguments, unsigned threads) {
-  ReadOptions options;
-  options.threads = threads;
-  options.format = find_value(kFormats, arguments.format);
-  options.skip_lines = arguments.skip;
+  ReadOptions options{
+      .format = find_value(kFormats, arguments.format), .threads = threads, .skip_lines = arguments.skip};
   std::string_view rest = arguments.columns;
   while (!rest.empty()) {
     const std::size_t comma = std::min(rest.find(','), rest.size());
@@ -204,8 +202,7 @@ void add_format(CLI::App& command, FormatArguments& arguments) {
 }
 
 WriteOptions make_write_options(const FormatArguments& arguments, const std::filesystem::path& path) {
-  WriteOptions options;
-  options.format = find_value(kFormats, arguments.format);
+  WriteOptions options{.format = find_value(kFormats, arguments.format)};
   const bool is_bin = path.extension() == ".bin";  // several formats share .bin: the output takes that of the input
   if (!options.format && path.has_extension() && !is_bin) options.format = format_to_write(path);
   options.encoding = find_value(kEncodings, arguments.encoding);
@@ -252,9 +249,8 @@ double parse_share(std::string_view name, const std::string& text) {
   double value = 0;
   const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), value);
   if (percent) value /= 100;
-  if (error != std::errc() || end != digits.data() + digits.size() || !(value >= 0 && value <= 1)) {
+  if (error != std::errc() || end != digits.data() + digits.size() || !(value >= 0 && value <= 1))
     throw Error(ErrorKind::usage, fmt::format("--{} {}: use a share from 0% to 100%", name, text));
-  }
   return value;
 }
 

@@ -3,7 +3,6 @@
 // with its estimates, and then of k = 8 in one iteration.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <iterator>
@@ -61,9 +60,8 @@ std::vector<Point> make_cloud(std::uint64_t count) {
 // The stages of several runs, in the order of the first, each with its median.
 std::vector<StageTime> stage_medians(const std::vector<std::vector<StageTime>>& runs) {
   std::map<std::string, std::vector<double>> samples;
-  for (const auto& run : runs) {
+  for (const auto& run : runs)
     for (const StageTime& stage : run) samples[stage.name].push_back(stage.milliseconds);
-  }
   std::vector<StageTime> result = runs.front();
   for (StageTime& stage : result) stage.milliseconds = median(samples[stage.name]);
   return result;
@@ -149,10 +147,8 @@ void bench(const BenchArguments& arguments, std::stop_token stop) {
   Json json = bench_json(times);
   std::string text = bench_text(is_asked ? "as asked" : "the default run", times, arguments.repeat);
   if (!is_asked) {
-    Params short_lists;
-    short_lists.k = 8;
-    short_lists.iterations = 1;
-    const Times of_lists = measure(pipeline, points, short_lists, Estimation::before, arguments.repeat, stop);
+    const Times of_lists =
+        measure(pipeline, points, {.k = 8, .iterations = 1}, Estimation::before, arguments.repeat, stop);
     json["k8"] = bench_json(of_lists);
     text += "\n" + bench_text("the least run", of_lists, arguments.repeat);
   }

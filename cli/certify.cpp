@@ -25,17 +25,12 @@ struct CertifyArguments {
 
 // The reasons that the run marked in the result; empty where it did not.
 std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
-  ReadOptions options;
-  options.threads = threads;
-  const Cloud cloud = read(path, options);
-  for (const AttributeInfo& info : attributes(cloud)) {
-    if (info.name != "outlier" || info.type != ScalarType::uint8 || info.components != 1) continue;
-    const Attribute marks = attribute(cloud, "outlier");
-    std::vector<std::uint8_t> result;
-    for (const std::byte mark : marks.data) result.push_back(std::to_integer<std::uint8_t>(mark));
-    return result;
-  }
-  return {};
+  const Cloud cloud = read(path, {.threads = threads});
+  const std::optional<AttributeInfo> info = attribute_info(cloud, "outlier");
+  if (!info || info->type != ScalarType::uint8 || info->components != 1) return {};
+  std::vector<std::uint8_t> result;
+  for (const std::byte mark : attribute(cloud, "outlier").data) result.push_back(std::to_integer<std::uint8_t>(mark));
+  return result;
 }
 
 void certify(CertifyArguments arguments, std::stop_token stop) {

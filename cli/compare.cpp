@@ -54,9 +54,8 @@ std::string comparison_text(const Distances& comparison) {
     text += line("edge rms", *comparison.edge_rms, diagonal);
     fmt::format_to(std::back_inserter(text), "{:<10}of {} points\n", "", comparison.edge_points);
   }
-  if (comparison.normal_error) {
+  if (comparison.normal_error)
     fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n", "normals", *comparison.normal_error);
-  }
   if (comparison.faces) text += faces_text(*comparison.faces, diagonal);
   return text;
 }
@@ -92,15 +91,14 @@ void compare(const CompareArguments& arguments) {
   const ReadOptions options = make_read_options(arguments.in, arguments.threads);
   const Cloud cloud = read(arguments.cloud, options);
   // what is said of A holds for B where both are files of one kind
-  ReadOptions plain;
-  plain.threads = arguments.threads;
+  ReadOptions plain{.threads = arguments.threads};
   const Cloud reference = read(arguments.reference, are_alike(arguments.cloud, arguments.reference) ? options : plain);
   const Distances comparison = compare_clouds(cloud, reference,
-                                               {arguments.as == "cloud",
-                                                arguments.edges,
-                                                arguments.normals,
-                                                arguments.threads,
-                                                {arguments.cloud, arguments.reference}});
+                                              {arguments.as == "cloud",
+                                               arguments.edges,
+                                               arguments.normals,
+                                               arguments.threads,
+                                               {arguments.cloud, arguments.reference}});
   write_report(arguments.report, comparison_json(comparison));
   if (arguments.report != "-") print_output(comparison_text(comparison));
 }

@@ -111,9 +111,7 @@ std::vector<double> measure_surface(const std::vector<Vec3>& points, const Surfa
 // Unit normals of the planes through the k nearest points (Hoppe 1992), zero where there is none. They are those of the
 // first stages of a run; lengths of which nothing depends here are given, so that none is looked for.
 std::vector<Point> plane_normals(const Cloud& cloud, int k, unsigned threads) {
-  Params params;
-  params.k = k;
-  params.iterations = 1;
+  Params params{.k = k, .iterations = 1};
   params.normal_sigma = 1e15;  // so wide that weights are equal
   params.closeness_sigma = params.similarity_sigma = 1;
   Pipeline pipeline({Device::cpu, 0, threads});
@@ -224,10 +222,9 @@ Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& o
 
   const Polygons faces = options.as_cloud ? Polygons() : polygons(b);
   const std::vector<Triangle> mesh = finite_triangles(vertices, faces);
-  if ((options.edge_degrees || options.normal_neighbors) && mesh.empty()) {
+  if ((options.edge_degrees || options.normal_neighbors) && mesh.empty())
     throw Error(ErrorKind::usage, std::string(options.edge_degrees ? "--edges" : "--normals") +
                                       " needs a mesh, but the second file is taken as a cloud");
-  }
   Distances result;
   result.points = from.size();
   result.mesh = !mesh.empty();
@@ -238,15 +235,13 @@ Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& o
     std::vector<Foot> feet;
     const Surface surface(mesh);
     squared = measure_surface(from, surface, feet);
-    if (options.edge_degrees) {
+    if (options.edge_degrees)
       measure_edges(squared, feet, sharp_edges(vertices, triangles(b), *options.edge_degrees), frame, result);
-    }
     if (const Polygons own = polygons(a); own.size() > 0)
       result.faces = in_file_units(compare_faces(places(a, frame), own, vertices, faces, surface), frame);
-    if (options.normal_neighbors) {
+    if (options.normal_neighbors)
       result.normal_error =
           mean_normal_error(a, plane_normals(a, *options.normal_neighbors, options.threads), feet, mesh);
-    }
   }
   for (double& value : squared) value = std::sqrt(value) / frame.scale();
   result.distance = summarize(squared);

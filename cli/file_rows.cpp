@@ -3,7 +3,6 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <array>
 #include <iterator>
 #include <map>
@@ -41,16 +40,12 @@ using Counts = std::map<unsigned, std::uint64_t>;
 // How many points have each value of an attribute of one byte; empty if the cloud has none of this name.
 Counts counts_of(const Cloud& cloud, std::string_view name) {
   Counts counts;
-  const std::vector<AttributeInfo> all = attributes(cloud);
-  const bool has = std::any_of(all.begin(), all.end(), [&](const AttributeInfo& info) {
-    return info.name == name && info.type == ScalarType::uint8 && info.components == 1;
-  });
-  if (!has) return counts;
+  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
+  if (!info || info->type != ScalarType::uint8 || info->components != 1) return counts;
   std::array<std::uint64_t, 256> of_value{};
   for (const std::byte value : attribute(cloud, name).data) ++of_value[std::to_integer<unsigned>(value)];
-  for (unsigned value = 0; value < of_value.size(); ++value) {
+  for (unsigned value = 0; value < of_value.size(); ++value)
     if (of_value[value] > 0) counts[value] = of_value[value];
-  }
   return counts;
 }
 
@@ -70,9 +65,8 @@ std::string file_text(const Cloud& cloud) {
   const FileInfo info = file_info(cloud);
   std::string text;
   const auto out = std::back_inserter(text);
-  for (const auto& [name, value] : info.rows) {
+  for (const auto& [name, value] : info.rows)
     if (!value.empty()) fmt::format_to(out, "  {:<18} {}\n", name, value);
-  }
   if (info.grid_width > 0)
     fmt::format_to(out, "  {:<18} {} x {} points, organised\n", "grid", info.grid_width, info.grid_height);
   if (info.metres_per_unit) fmt::format_to(out, "  {:<18} {:.10g} m\n", "unit", *info.metres_per_unit);
@@ -80,9 +74,8 @@ std::string file_text(const Cloud& cloud) {
   if (!text.empty()) text = "file\n" + text;
   const Counts classes = counts_of(cloud, "classification"), returns = counts_of(cloud, "return_number");
   if (!classes.empty()) fmt::format_to(out, "classes\n");
-  for (const auto& [value, count] : classes) {
+  for (const auto& [value, count] : classes)
     fmt::format_to(out, "  {:<3} {:<18} {}\n", value, class_name(value), count);
-  }
   if (!returns.empty()) fmt::format_to(out, "returns\n");
   for (const auto& [value, count] : returns) fmt::format_to(out, "  {:<22} {}\n", value, count);
   return text;

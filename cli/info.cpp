@@ -35,10 +35,9 @@ double rounded(double origin, double offset) {
 
 std::string bounds_text(const Cloud& cloud, const Estimates& estimates) {
   std::string text;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     fmt::format_to(std::back_inserter(text), "  {}  {:.10g} .. {:.10g}\n", "xyz"[axis],
                    rounded(cloud.origin[axis], estimates.min[axis]), rounded(cloud.origin[axis], estimates.max[axis]));
-  }
   return text;
 }
 
@@ -71,9 +70,7 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   }
   fmt::format_to(
       out, "parameters of a typical place; a run without parameters follows each place, so these do not repeat it\n");
-  for (const ParamInfo& info : kParams) {
-    fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(params, info));
-  }
+  for (const ParamInfo& info : kParams) fmt::format_to(out, "  {:<18} {}\n", info.name, param_text(params, info));
   return text;
 }
 

@@ -25,23 +25,20 @@ struct NoiseArguments {
 };
 
 void check_arguments(const NoiseArguments& arguments) {
-  if (arguments.uneven && !arguments.points) {
+  if (arguments.uneven && !arguments.points)
     throw Error(ErrorKind::usage, "--uneven needs --points N: only a mesh that is sampled has a density to vary");
-  }
   if (!arguments.force) check_not_same(arguments.input, arguments.output, "name another output");
   check_writable(arguments.output, arguments.force);
 }
 
 Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
   const auto faces = triangles(mesh);
-  if (faces.empty()) {
+  if (faces.empty())
     throw Error(ErrorKind::usage,
                 fmt::format("{}: has no faces to sample; leave --points out to take its points", arguments.input));
-  }
-  Cloud cloud;
-  cloud.origin = mesh.origin;
-  cloud.points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed);
-  return cloud;
+  return {
+      .origin = mesh.origin,
+      .points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed)};
 }
 
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.

@@ -66,7 +66,7 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
     return;
   }
   const std::string name = attribute_of(action);
-  const std::optional<AttributeInfo> info = find_info(cloud, name);
+  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
   if (info && (info->type != ScalarType::uint8 || info->components != 1))
     throw Error(ErrorKind::usage,
                 fmt::format("--outliers: the attribute '{}' of this cloud is not one byte a point, so "

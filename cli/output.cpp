@@ -57,9 +57,8 @@ void print_error(std::string_view message) {
 
 void print_output(std::string_view text) {
   errno = 0;
-  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0) {
+  if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
     fail("standard output", fmt::format("cannot write: {}", std::strerror(errno)));
-  }
 }
 
 void check_writable(const fs::path& path, bool overwrite) {
@@ -83,9 +82,8 @@ void check_writable(const fs::path& path, bool overwrite) {
 void check_not_same(const fs::path& input, const fs::path& output, std::string_view advice) {
   if (input == "-" || output == "-") return;
   std::error_code error;
-  if (fs::equivalent(input, output, error)) {
+  if (fs::equivalent(input, output, error))
     throw Error(ErrorKind::usage, fmt::format("{}: is input and output at once; {}", output.string(), advice));
-  }
 }
 
 void write_text(const fs::path& path, std::string_view text) {

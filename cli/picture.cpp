@@ -25,7 +25,6 @@ constexpr int kLargestSquare = 64;           // pixels
 
 double dot(const Vector& a, const Vector& b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 Vector as_vector(const Point& p) { return {p.x, p.y, p.z}; }
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 std::vector<Point> sampled(std::span<const Point> points) {
   std::vector<Point> sample;

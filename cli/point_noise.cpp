@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cctype>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <optional>
 #include <vector>
@@ -21,39 +20,6 @@ bool is_name(const std::string& text) {
   return text != "auto" && (std::isalpha(static_cast<unsigned char>(text[0])) || text[0] == '_');
 }
 
-template <class T>
-std::vector<float> as_floats(const Attribute& attribute) {
-  std::vector<float> values(attribute.data.size() / sizeof(T));
-  for (std::size_t i = 0; i < values.size(); ++i) {
-    T value;
-    std::memcpy(&value, attribute.data.data() + i * sizeof value, sizeof value);
-    values[i] = static_cast<float>(value);
-  }
-  return values;
-}
-
-std::vector<float> floats_of(const Attribute& attribute) {
-  switch (attribute.type) {
-    case ScalarType::int8:
-      return as_floats<std::int8_t>(attribute);
-    case ScalarType::uint8:
-      return as_floats<std::uint8_t>(attribute);
-    case ScalarType::int16:
-      return as_floats<std::int16_t>(attribute);
-    case ScalarType::uint16:
-      return as_floats<std::uint16_t>(attribute);
-    case ScalarType::int32:
-      return as_floats<std::int32_t>(attribute);
-    case ScalarType::uint32:
-      return as_floats<std::uint32_t>(attribute);
-    case ScalarType::float32:
-      return as_floats<float>(attribute);
-    case ScalarType::float64:
-      return as_floats<double>(attribute);
-  }
-  return {};
-}
-
 // Those that a noise can be read from.
 std::string scalar_names(const Cloud& cloud) {
   std::string names;
@@ -66,12 +32,6 @@ std::string scalar_names(const Cloud& cloud) {
 
 }  // namespace
 
-std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
-  for (const AttributeInfo& info : attributes(cloud))
-    if (info.name == name) return info;
-  return std::nullopt;
-}
-
 std::string take_noise_attribute(ParamArguments& params) {
   const auto its = std::find_if(params.given.begin(), params.given.end(),
                                 [](const auto& given) { return given.first->name == "noise"; });
@@ -82,13 +42,15 @@ std::string take_noise_attribute(ParamArguments& params) {
 }
 
 void use_noise_attribute(const Cloud& cloud, const std::string& name, const std::string& input, Pipeline& pipeline) {
-  const std::optional<AttributeInfo> info = find_info(cloud, name);
+  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
   if (!info || info->components != 1)
     refuse(
         fmt::format("--noise {}: {} has no attribute '{}' of one number a point; it has {}. Name one of them, or give "
                     "a length",
                     name, input, name, scalar_names(cloud)));
-  const std::vector<float> values = floats_of(attribute(cloud, name));
+  const Attribute given = attribute(cloud, name);
+  std::vector<float> values(cloud.points.size());
+  for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(value_at(given, i));
   if (std::none_of(values.begin(), values.end(), [](float value) { return value > 0; }))
     refuse(
         fmt::format("--noise {}: no value of this attribute in {} is positive, so none is a standard deviation; name "
@@ -110,7 +72,7 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
   const bool is_new_e57 = format == Format::e57 && file_info(cloud).format != Format::e57;
   if (format && !takes_attributes(*format) && !is_new_e57)
     refuse(flag + ": files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
-  const std::optional<AttributeInfo> info = find_info(cloud, name);
+  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
   const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);
   if (info && (info->components != 1 || !is_float))
     refuse(fmt::format("{}: the cloud has an attribute '{}' of its own that is no float; name another, as in {}={}_2",

@@ -2,8 +2,6 @@
 // Lengths of points in files: the noise, read for --noise NAME and written for --write-noise, and the displacement.
 #pragma once
 
-#include <optional>
-#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -12,9 +10,6 @@
 #include "pointfair/pointfair.hpp"
 
 namespace pointfair::cli {
-
-/// What the cloud's attribute of this name is; nothing where it has none.
-std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name);
 
 /// Takes `--noise NAME` out of the parameters, so that what stays there is a length, and returns the name; empty if
 /// --noise is not given, or has a length.

@@ -161,10 +161,9 @@ Json bounds_json(const Cloud& cloud, const Estimates& estimates) {
 
 Json attributes_json(const std::vector<AttributeInfo>& attributes) {
   Json json = Json::array();
-  for (const AttributeInfo& attribute : attributes) {
+  for (const AttributeInfo& attribute : attributes)
     json.push_back(
         {{"name", attribute.name}, {"type", type_name(attribute.type)}, {"components", attribute.components}});
-  }
   return json;
 }
 

@@ -75,9 +75,7 @@ class PageMaker {
 
   std::string make() {
     std::future<std::string> input_sum = std::async(std::launch::async, sha256_of, job_.input);
-    ReadOptions options;
-    options.threads = job_.threads;
-    after_ = read(job_.output, options);
+    after_ = read(job_.output, {.threads = job_.threads});
     std::future<std::string> output_sum = std::async(std::launch::async, sha256_of, job_.output);
     compare();
     estimates_ = pipeline_.estimates(stop_);
@@ -198,31 +196,25 @@ class PageMaker {
 
   // By class, or by scan.
   std::string parts_table() const {
-    const std::vector<AttributeInfo> infos = attributes(before_);
-    for (const std::string_view name : {"classification", "scan"}) {
-      const auto info =
-          std::find_if(infos.begin(), infos.end(), [&](const AttributeInfo& i) { return i.name == name; });
-      if (info == infos.end() || info->components != 1) continue;
-      return parts_table(std::string(name), selection_values(name));
+    for (const char* const name : {"classification", "scan"}) {
+      const std::optional<AttributeInfo> info = attribute_info(before_, name);
+      if (info && info->components == 1) return parts_table(name, parts_of(name));
     }
     return {};
   }
 
-  // Integers of one byte or two.
-  std::vector<std::uint32_t> selection_values(std::string_view name) const {
+  // Integers; empty where they are none.
+  std::vector<std::int64_t> parts_of(std::string_view name) const {
     const Attribute values = attribute(before_, name);
-    const std::size_t bytes = size_of(values.type);
-    std::vector<std::uint32_t> result(before_.points.size());
-    for (std::size_t i = 0; i < result.size(); ++i)
-      for (std::size_t byte = 0; byte < std::min<std::size_t>(bytes, 4); ++byte)
-        result[i] |= std::to_integer<std::uint32_t>(values.data[i * bytes + byte]) << (8 * byte);
-    const bool is_integer = values.type != ScalarType::float32 && values.type != ScalarType::float64;
-    return is_integer ? result : std::vector<std::uint32_t>{};
+    if (values.type == ScalarType::float32 || values.type == ScalarType::float64) return {};
+    std::vector<std::int64_t> result(before_.points.size());
+    for (std::size_t i = 0; i < result.size(); ++i) result[i] = static_cast<std::int64_t>(value_at(values, i));
+    return result;
   }
 
-  std::string parts_table(const std::string& name, const std::vector<std::uint32_t>& parts) const {
+  std::string parts_table(const std::string& name, const std::vector<std::int64_t>& parts) const {
     constexpr std::size_t kMost = 64;  // rows
-    std::map<std::uint32_t, std::vector<std::uint32_t>> members;
+    std::map<std::int64_t, std::vector<std::uint32_t>> members;
     for (std::uint32_t i = 0; i < parts.size() && members.size() <= kMost; ++i) members[parts[i]].push_back(i);
     if (members.empty() || members.size() > kMost) return {};
     const bool is_class = name == "classification";
@@ -237,7 +229,8 @@ class PageMaker {
         sum += moved_[i];
         ++finite;
       }
-      const std::string title = is_class ? fmt::format("{} {}", part, class_name(part)) : std::to_string(part);
+      const std::string title =
+          is_class ? fmt::format("{} {}", part, class_name(static_cast<unsigned>(part))) : std::to_string(part);
       rows.push_back(
           {title, counted(points.size()), length_(quantile(noise, 0.5)), length_(finite > 0 ? sum / finite : 0)});
     }

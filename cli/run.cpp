@@ -25,9 +25,8 @@
 namespace pointfair::cli {
 
 void check_paths(const RunArguments& arguments) {
-  if (arguments.report == "-" && arguments.output == "-") {
+  if (arguments.report == "-" && arguments.output == "-")
     throw Error(ErrorKind::usage, "the cloud and the report cannot both go to standard output; give --report a file");
-  }
   if (!system::replaces_what_is_read()) {
     check_not_same(arguments.input, arguments.output,
                    "name another output: this system replaces no file that is being read");
@@ -110,14 +109,13 @@ void run(RunArguments arguments, std::stop_token stop) {
   check_viewpoint(arguments.viewpoint);
   check_orient(arguments);
   check_files(arguments);
-  if (arguments.each) {
+  if (arguments.each)
     return run_each(
         arguments,
         [&](const RunArguments& of_file, Progress& progress) {
           return run_file(of_file, findings, limits, device, &progress, stop);
         },
         stop);
-  }
   if (arguments.skip_existing) throw Error(ErrorKind::usage, "--skip-existing goes with --each");
   const std::optional<Findings> found = run_file(arguments, findings, limits, device, nullptr, stop);
   if (!found) return;

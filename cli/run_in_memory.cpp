@@ -35,9 +35,8 @@ void give_normals(Pipeline& pipeline, bool orient, std::span<const std::uint8_t>
   pipeline.normals(normals, stop);
   if (orient) orient_normals(cloud, normals, viewpoints, stop);
   const bool has_own = !normal_attributes(cloud).empty();
-  for (std::size_t i = 0; has_own && i < movable.size(); ++i) {
+  for (std::size_t i = 0; has_own && i < movable.size(); ++i)
     if (!movable[i]) normals[i] = {0, 0, 0};
-  }
   set_normals(cloud, normals, viewpoints, orient ? NormalSigns::as_given : NormalSigns::by_rules);
 }
 

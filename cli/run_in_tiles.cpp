@@ -56,9 +56,8 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
   std::filesystem::create_directories(job.output_folder, failed);
   if (failed)
     throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
-  for (const std::filesystem::path& input : job.inputs) {
+  for (const std::filesystem::path& input : job.inputs)
     check_writable(job.output_folder / TiledRun::output_name(input), arguments.force || !arguments.tiled.work.empty());
-  }
   check_report(arguments.report, {});
 }
 
@@ -66,13 +65,12 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
 
 TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, const Limits& limits,
                         const std::string& noise_attribute, const Device& device) {
-  TiledJob job;
-  job.params = params;
-  job.limits = limits;
-  job.noise_attribute = noise_attribute;
-  job.viewpoint = arguments.viewpoint;
-  job.outlier_action = arguments.outlier_action;
-  job.inputs = {arguments.input};
+  TiledJob job{.inputs = {arguments.input},
+               .params = params,
+               .limits = limits,
+               .noise_attribute = noise_attribute,
+               .viewpoint = arguments.viewpoint,
+               .outlier_action = arguments.outlier_action};
   if (arguments.tiled.out_dir.empty()) {
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);

@@ -5,7 +5,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 
 #include "point_noise.hpp"
 
@@ -88,9 +87,8 @@ std::string param_told(const Params& asked, const Params& used, const ParamInfo&
 void print_details(const Report& report, const Params& asked) {
   fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
              report.device.reason);
-  for (const ParamInfo& info : kParams) {
+  for (const ParamInfo& info : kParams)
     fmt::print(stderr, "  {:<18} {}\n", info.name, param_told(asked, report.params, info));
-  }
   for (const StageTime& stage : report.stages)
     fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
 }
@@ -137,7 +135,6 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
 
 void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
                    Findings& findings) {
-  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
   std::vector<std::uint8_t> ignored(limits.ignore.empty() ? 0 : cloud.points.size());
   for (const Selection& selection : limits.ignore) {
     const std::vector<std::uint8_t> selected = selected_points(selection, cloud);

@@ -34,9 +34,8 @@ void for_each_index(std::uint64_t count, const F& body) {
 class Density {
  public:
   Density(const Box& box, double ratio) : log_ratio_(portable_log(ratio)) {
-    for (int axis = 1; axis < 3; ++axis) {
+    for (int axis = 1; axis < 3; ++axis)
       if (box.max[axis] - box.min[axis] > box.max[axis_] - box.min[axis_]) axis_ = axis;
-    }
     start_ = box.min[axis_];
     length_ = box.max[axis_] - start_;
   }
@@ -121,8 +120,6 @@ Vec3 draw_direction(Random& random) {
 }
 
 }  // namespace
-
-bool is_finite(const Point& p) { return is_finite(vec(p)); }
 
 double Box::diagonal() const {
   if (min[0] > max[0]) return 0;

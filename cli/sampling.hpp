@@ -36,6 +36,4 @@ struct Box {
 };
 Box bounding_box(std::span<const Point> points);
 
-bool is_finite(const Point& point);
-
 }  // namespace pointfair::cli

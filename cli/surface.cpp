@@ -2,7 +2,6 @@
 #include "surface.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <numeric>
 #include <utility>
 
@@ -19,9 +18,8 @@ Vec3 closest_on_segment(Vec3 p, Vec3 a, Vec3 b) {
 
 Vec3 closest_on_outline(Vec3 p, const Triangle& t) {
   Vec3 best = closest_on_segment(p, t.a, t.b);
-  for (const Vec3 candidate : {closest_on_segment(p, t.b, t.c), closest_on_segment(p, t.c, t.a)}) {
+  for (const Vec3 candidate : {closest_on_segment(p, t.b, t.c), closest_on_segment(p, t.c, t.a)})
     if (squared_length(candidate - p) < squared_length(best - p)) best = candidate;
-  }
   return best;
 }
 

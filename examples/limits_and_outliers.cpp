@@ -14,14 +14,12 @@ int main(int count, char** words) {
     pointfair::Pipeline pipeline;
     pipeline.load(cloud);
 
-    pointfair::Params params;
-    params.outliers = pointfair::Outliers::mark;
+    pointfair::Params params{.outliers = pointfair::Outliers::mark};
     pointfair::Cloud denoised = pipeline.run(params);
 
     // Limits act on the result: points outside the box keep their place, but count as neighbours of those inside.
     const pointfair::Estimates& estimates = pipeline.estimates();
-    pointfair::Limits limits;
-    limits.strength = 0.5;
+    pointfair::Limits limits{.strength = 0.5};
     pointfair::Box& box = limits.box.emplace();
     for (int axis = 0; axis < 3; ++axis) {
       box.min[axis] = cloud.origin[axis] + estimates.min[axis];

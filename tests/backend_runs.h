@@ -23,8 +23,8 @@ struct StageSettings {
   NormalSettings normals{{0.1f}};
   FairingSettings fairing{{0.1f, 0.05f}};
   int iterations = 1;
-  DisplacementLimits limits;
-  std::optional<Frame> frame;
+  DisplacementLimits limits{};
+  std::optional<Frame> frame{};
 
   IndexOrder order() const { return frame ? IndexOrder::along_curve : IndexOrder::fastest; }
 };

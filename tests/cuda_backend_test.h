@@ -5,12 +5,12 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <limits>
 #include <map>
 #include <memory>
 
 #include "backend_runs.h"
+#include "runs.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
 #include "slow_tools.h"
@@ -22,12 +22,7 @@ inline constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 class CudaBackendTest : public ::testing::Test {
  protected:
   void SetUp() override {
-    std::string reason;
-    for (const DeviceStatus& status : list_cuda_devices()) {
-      if (status.usable) reason = "usable";
-      if (reason.empty()) reason = status.info.reason;
-    }
-    if (reason != "usable") GTEST_SKIP() << reason;
+    if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
     cuda_ = make_cuda_backend(0);
     cpu_ = make_cpu_backend(0);
   }
@@ -70,9 +65,7 @@ class CudaBackendTest : public ::testing::Test {
 };
 
 inline StageSettings with_neighbors(int k, float radius = 0, bool constraint = false, float reach = 0) {
-  StageSettings settings;
-  settings.neighbors = {k, radius, constraint, reach};
-  return settings;
+  return {.neighbors = {k, radius, constraint, reach}};
 }
 
 inline std::vector<Point> noisy_sphere(int count, std::uint64_t seed, double noise) {

@@ -143,8 +143,7 @@ enum class Calls { two, one };  // load and run, or both at once
 void measure_from_host(Pipeline& pipeline, const Points& points, const char* name, int k, int repeat,
                        Calls calls = Calls::two) {
   const double spacing = std::sqrt(1.2 / double(points.size()));
-  Params params;
-  params.k = k;
+  Params params{.k = k};
   params.normal_sigma = params.closeness_sigma = 2 * spacing;
   params.similarity_sigma = spacing;
   params.iterations = 1;

@@ -25,22 +25,19 @@ inline std::string with_cr(const std::string& text) { return replaced(text, "\n"
 
 struct Given {
   std::string name, bytes, csv;
+  std::string lost = {};  // words of what is told when it becomes a file of the other format
+  Format other = Format::ply;
 };
 
 // A byte order mark is skipped, and lines may end in '\r' alone.
 inline const std::vector<Given>& marks_and_line_ends() {
   static const std::vector<Given> all = {
-      {"a.obj", kMark + "v 1 2 3\nv 4 5 6\n", "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.ply", kMark + ply(kXyz, "1 2 3\n4 5 6\n"), "x,y,z\n1,2,3\n4,5,6\n"},
       {"a.off", kMark + "OFF\r\n2 0 0\r\n1 2 3\r\n4 5 6\r\n", "x,y,z\n1,2,3\n4,5,6\n"},
       {"a.xyz", kMark + "1 2 3\n4 5 6\n", "x,y,z\n1,2,3\n4,5,6\n"},
       {"a.pcd", kMark + "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 1\nDATA ascii\n1 2 3\n",
        "x,y,z\n1,2,3\n"},
-      {"a.xyz", "1 2 3\r4 5 6\r", "x,y,z\n1,2,3\n4,5,6\n"},
       {"a.csv", "x,y,z,i\r1,2,3,7\r4,5,6,8", "x,y,z,i\n1,2,3,7\n4,5,6,8\n"},
-      {"a.obj", "v 1 2 3\rv 4 5 6\rv 7 8 9\rf 1 2 3\r", "x,y,z\n1,2,3\n4,5,6\n7,8,9\n"},
       {"a.off", with_cr("OFF\n2 0 0\n1 2 3\n4 5 6\n"), "x,y,z\n1,2,3\n4,5,6\n"},
-      {"a.ply", with_cr(ply(kXyz, "1 2 3\n4 5 6\n")), "x,y,z\n1,2,3\n4,5,6\n"},
       {"a.pts", "2\r1 2 3 9\r4 5 6 8\r", "x,y,z,intensity\n1,2,3,9\n4,5,6,8\n"},
       {"a.pcd", with_cr("VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n"),
        "x,y,z\n1,2,3\n4,5,6\n"},
@@ -54,14 +51,10 @@ inline const std::vector<Given>& fronts() {
   static const std::vector<Given> all = {
       {"a.asc", "//X Y Z Rf Gf Bf I\n2\n1 2 3 0 0.2 1 7\n4 5 6 1 0.4 0 8\n",
        "x,y,z,red,green,blue,I\n1,2,3,0,51,255,7\n4,5,6,255,102,0,8\n"},
-      {"a.txt", "2\n1 2 3\n4 5 6\n", csv},
       {"a.csv", "2\n1,2,3\n4,5,6\n", csv},
-      {"a.pts", "1\n1 2 3 7\n1\n4 5 6 8\n", replaced(with_i, "i\n", "intensity\n")},
       {"a.pts", "1\r\n1 2 3 7\r\n1\r\n4 5 6 8\r\n", replaced(with_i, "i\n", "intensity\n")},
-      {"a.xyz", "Exported survey 12 area B\n1 2 3\n4 5 6\n", csv},
       {"a.txt", "Survey of 3 May\nby hand\n\n1 2 3\n4 5 6\n", csv},
       {"a.csv", "A title, with a comma\nx,y,z\n1,2,3\n4,5,6\n", csv},
-      {"a.csv", "x,y,z\nm,m,m\n1,2,3\n4,5,6\n", csv},
       {"a.csv", "x;y;z;i\n[m];[m];[m];[-]\n1;2;3;7\n4;5;6;8\n", with_i},
       {"a.txt", "% exported by MATLAB\n1 2 3\n4 5 6\n", csv},
       {"a.xyz", "1 2 3\n% a remark\n4 5 6\n", csv},
@@ -69,17 +62,12 @@ inline const std::vector<Given>& fronts() {
       {"a.csv", "id,EAST,NORTH,Height\n9,1,2,3\n9,4,5,6\n", "x,y,z,id\n1,2,3,9\n4,5,6,9\n"},
       {"a.csv", "Hochwert;Rechtswert;H\xC3\xB6he\n2;1;3\n5;4;6\n", csv},
       {"a.csv", "Hochwert;Rechtswert;H\xC3\x96HE\n2;1;3\n5;4;6\n", csv},
-      {"a.csv", "\"Points:0\",\"Points:1\",\"Points:2\",\"i\"\n1,2,3,7\n4,5,6,8\n", with_i},
-      {"a.csv", "i,Points_0,Points_1,Points_2\n7,1,2,3\n8,4,5,6\n", with_i},
-      {"a.csv", "X [m],Y [m],Z [m],i\n1,2,3,7\n4,5,6,8\n", with_i},
       {"a.txt", "X[m] Y(m) Z [m] i\n1 2 3 7\n4 5 6 8\n", with_i},
       {"a.txt", "x_coord y_coord z_coord\n1 2 3\n4 5 6\n", csv},
       {"a.txt", "# POINT_X POINT_Y POINT_Z\n1 2 3\n4 5 6\n", csv},
       {"a.csv", "Este,Norte,Cota\n1,2,3\n4,5,6\n", csv},
       {"a.csv", "Est;Nord;Quota\n1;2;3\n4;5;6\n", csv},
       {"a.csv", "Oost;Noord;Hoogte\n1;2;3\n4;5;6\n", csv},
-      {"a.xyzn", "1 2 3 0 0 1\n4 5 6 0 1 0\n", "x,y,z,nx,ny,nz\n1,2,3,0,0,1\n4,5,6,0,1,0\n"},
-      {"a.xyzrgb", "1 2 3 0 0.2 1\n4 5 6 1 0.4 0\n", "x,y,z,red,green,blue\n1,2,3,0,51,255\n4,5,6,255,102,0\n"},
   };
   return all;
 }
@@ -88,21 +76,15 @@ inline const std::vector<Given>& fronts() {
 inline const std::vector<Given>& spellings() {
   const std::string csv = "x,y,z\n1.5,2,3\n4,5.25,6\n", with_i = "x,y,z,i\n1.5,2,3,7\n4,5.25,6,8\n";
   static const std::vector<Given> all = {
-      {"a.csv", "\"x\",\"y\",\"z\"\n\"1.5\",\"2\",\"3\"\n\"4\",\"5.25\",\"6\"\n", csv},
       {"a.csv", "\"x\";\"y\";\"z\"\n\"1,5\";\"2\";\"3\"\n\"4\";\"5,25\";\"6\"\n", csv},
       {"a.csv", "label,x,y,z\n\"a, b\",1.5,2,3\n\"c \"\"d\"\", e\",4,5.25,6\n", csv},
-      {"a.csv", "x;y;z;i\n1,5;2;3;7\n4;5,25;6;8\n", with_i},
-      {"a.xyz", "1,5 2,0 3,0\n4,0 5,25 6,0\n", csv},
       {"a.txt", "x\ty\tz\n1,5\t2,0\t3,0\n4,0\t5,25\t6,0\n", csv},
       {"a.csv", "x,y,z,i\n,,,7\n4,5.25,,8\n", "x,y,z,i\nnan,nan,nan,7\n4,5.25,nan,8\n"},
-      {"a.csv", "i;x;y;z\n7;;;\n8;4;5.25;6\n", "x,y,z,i\nnan,nan,nan,7\n4,5.25,6,8\n"},
       {"a.txt", "x\ty\tz\tq\ti\n1.5\t2\t3\t\t7\n4\t5.25\t6\t\t8\n", with_i},
       {"a.xyz", "1.#QNAN -1.#IND 1.#INF\n4 5.25 6\n", "x,y,z\nnan,nan,inf\n4,5.25,6\n"},
       {"a.xyz", "nan(ind) -nan(ind) -1.#INF00\n4 5.25 6\n", "x,y,z\nnan,-nan,-inf\n4,5.25,6\n"},
       {"a.xyz", "NA NA NA\n4 5.25 6\n", "x,y,z\nnan,nan,nan\n4,5.25,6\n"},
-      {"a.xyz", "1.5 2 3\n4 5.25 6\n" + std::string(9, '\0'), csv},
       {"a.csv", "x,y,z\n1.5,2,3\n4,5.25,6\n\x1A", csv},
-      {"a.csv", "x,y,z,i,i\n1,2,3,7,8\n", "x,y,z,i,i_2\n1,2,3,7,8\n"},
       {"a.csv", "x,y,z,x,red,R\n1,2,3,4,5,6\n", "x,y,z,x_2,red,R\n1,2,3,4,5,6\n"},
       {"a.csv", "x,y,z,t\n1,2,3,1234567890123456789\n4,5,6,-1\n", "x,y,z,t\n1,2,3,1234567890123456789\n4,5,6,-1\n"},
       {"a.csv", "x,y,z,t\n1,2,3,18446744073709551615\n", "x,y,z,t\n1,2,3,18446744073709551615\n"},
@@ -115,35 +97,18 @@ inline const std::vector<Given>& shapes() {
   const std::string csv = "x,y,z\n1,2,3\n4,5,6\n";
   const std::string off = "1 2 3\n4 5 6\n2 0 1\n";
   static const std::vector<Given> all = {
-      {"a.off", "OFF2 1 0\n" + off, csv},
       {"a.off", "OFF 2 1 0\n" + off, csv},
       {"a.off", "OFF\n2 1\n" + off, csv},
-      {"a.off", "2 1 0\n" + off, csv},
-      {"a.off", "off\n2 1 0\n" + off, csv},
       {"a.off", replaced("OFF\n2 1 0\n" + off, " ", "\n"), csv},
       {"a.off", "OFF # a remark\n\n2 1 0 # counts\n1 2\n3 4 5\n6 2 0 1\n", csv},
-      {"a.off", "OFF\n2 1 0\n1 2 3  4 5 6\n2 0 1\n", csv},
       {"a.off", "OFF\n2 2 0\n1 2 3\n4 5 6\n2 0 1 2 1 0\n", csv},
       {"a.off", "OFF\n2 0 0\n1 2 3 10 20 30\n4 5 6 40 50 60\n",
        "x,y,z,red,green,blue\n1,2,3,10,20,30\n4,5,6,40,50,60\n"},
       {"a.off", "COFF\n1 0 0\n1 2 3 0 0.2 1 1\n", "x,y,z,red,green,blue,alpha\n1,2,3,0,51,255,1\n"},
       {"a.off", "STOFF\n1 0 0\n1 2 3 0.5 0.25\n", "x,y,z,s,t\n1,2,3,0.5,0.25\n"},
-      {"a.ply", ply(replaced(replaced(replaced(kXyz, " x", " X"), " y", " Y"), " z", " Z"), "1 2 3\n4 5 6\n"), csv},
-      {"a.ply", ply(kXyz + "property bool keep\n", "1 2 3 1\n4 5 6 0\n"), "x,y,z,keep\n1,2,3,1\n4,5,6,0\n"},
-      {"a.ply", ply(kXyz + "property int64 id\n", "1 2 3 1152921504606846977\n4 5 6 -7\n"),
-       "x,y,z,id\n1,2,3,1152921504606846977\n4,5,6,-7\n"},
       {"a.ply", ply(kXyz + "property uint64 id\n", "1 2 3 18446744073709551615\n4 5 6 7\n"),
        "x,y,z,id\n1,2,3,18446744073709551615\n4,5,6,7\n"},
-      {"a.ply",
-       "ply\nformat binary_big_endian 1.0\nelement vertex 1\n" + kXyz + "property int64 id\nend_header\n" +
-           packed<float>({1, 2, 3}, true) + packed<std::int64_t>({1152921504606846977}, true),
-       "x,y,z,id\n1,2,3,1152921504606846977\n"},
-      {"a.ply", ply(kXyz + "property uchar i\n", "1 2 3\n7\n4 5 6\n8\n"), "x,y,z,i\n1,2,3,7\n4,5,6,8\n"},
       {"a.ply", ply(kXyz, "1 2 3 4 5 6\n"), csv},
-      {"a.ply", ply(kXyz, "1\n2\n3\n4\n5\n6\n"), csv},
-      {"a.pcd",
-       "VERSION 0.7\nFIELDS X Y Z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n",
-       csv},
       {"a.pcd", "version 0.7\nfields x y z\nsize 4 4 4\ntype F F F\npoints 2\ndata ASCII\n1 2 3\n4 5 6\n", csv},
       {"a.pcd",
        "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nFRAME_ID lidar\nPOINTS 2\nDATA ascii\n1 2 3\n4 5 6\n", csv},
@@ -151,7 +116,6 @@ inline const std::vector<Given>& shapes() {
        "VERSION 0.7\nFIELDS x y z t\nSIZE 4 4 4 8\nTYPE F F F U\nSTAMP 12.5\nPOINTS 1\nDATA binary\n" +
            packed<float>({1, 2, 3}) + packed<std::uint64_t>({1234567890123456789U}),
        "x,y,z,t\n1,2,3,1234567890123456789\n"},
-      {"a.obj", "v 1 2 \\\n3\nv 4 \\\r\n5 6\n", csv},
       {"a.obj", "# a folder\\\nv 1 2 3\nv 4 5\\\n 6\nf 1 \\\n2 1\n", csv},
       {"a.obj", "v 1 2 3\nv 4 5 6 255 0 51\n", "x,y,z,red,green,blue\n1,2,3,nan,nan,nan\n4,5,6,255,0,51\n"},
       {"a.obj", "v 1 2 3 0 1 0.2\nv 4 5 6 1 0 0\n", "x,y,z,red,green,blue\n1,2,3,0,255,51\n4,5,6,255,0,0\n"},

@@ -21,10 +21,26 @@ namespace pointfair::test {
 inline Cloud parse(const std::string& bytes, const std::string& name = "cloud.ply", std::optional<Format> format = {}) {
   const auto exact = std::make_unique_for_overwrite<std::byte[]>(bytes.size());
   if (!bytes.empty()) std::memcpy(exact.get(), bytes.data(), bytes.size());
-  ReadOptions options;
-  options.format = format;
-  return read(std::span<const std::byte>(exact.get(), bytes.size()), name, options);
+  return read(std::span<const std::byte>(exact.get(), bytes.size()), name, {.format = format});
 }
+
+/// What is said of a file image that must be refused: one line that begins with its name.
+inline std::string refusal(const std::string& bytes, const std::string& name, std::optional<Format> format = {}) {
+  const Thrown thrown = thrown_by([&] { parse(bytes, name, format); });
+  EXPECT_EQ(thrown.kind, ErrorKind::file);
+  EXPECT_TRUE(thrown.message.starts_with(name + ": ")) << thrown.message;
+  EXPECT_EQ(thrown.message.find('\n'), std::string::npos);
+  return thrown.message;
+}
+inline void expect_refused(const std::string& bytes, const std::string& name, const std::string& part) {
+  SCOPED_TRACE(bytes.substr(0, 200));
+  EXPECT_PRED_FORMAT2(testing::IsSubstring, part, refusal(bytes, name));
+}
+
+/// A file image, and a part of what is said where it is refused.
+struct Bad {
+  std::string name, bytes, message;
+};
 
 inline std::string image(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {}) {
   const std::vector<std::byte> bytes = write_bytes(cloud, format, encoding);
@@ -57,11 +73,8 @@ std::vector<T> values(const Cloud& cloud, const std::string& name) {
 template <class T>
 Attribute make_attribute(const std::string& name, ScalarType type, const std::vector<T>& values,
                          std::uint32_t components = 1) {
-  Attribute made;
-  static_cast<AttributeInfo&>(made) = {name, type, components};
-  made.data.resize(values.size() * sizeof(T));
-  std::memcpy(made.data.data(), values.data(), made.data.size());
-  return made;
+  const auto bytes = std::as_bytes(std::span(values));
+  return {{name, type, components}, {bytes.begin(), bytes.end()}};
 }
 
 /// The bytes of numbers as a file holds them.

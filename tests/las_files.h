@@ -141,9 +141,8 @@ inline void las_summarize(std::string& file, std::size_t begin, const LasSpec& s
     las_put(file, 187 + 16 * axis, min[axis] * scale + offset);
   }
   for (std::size_t r = 1; r <= 15 && spec.minor >= 4; ++r) las_put(file, 255 + 8 * (r - 1), returns[r]);
-  for (std::size_t r = 1; r <= 5 && spec.format < 6; ++r) {
+  for (std::size_t r = 1; r <= 5 && spec.format < 6; ++r)
     las_put(file, 111 + 4 * (r - 1), static_cast<std::uint32_t>(returns[r]));
-  }
 }
 
 inline std::string make_las(const LasSpec& spec) {
@@ -203,10 +202,7 @@ inline std::vector<LasSpec> all_las_specs() {
   std::vector<LasSpec> specs;
   for (unsigned minor = 0; minor <= 4; ++minor) {
     for (unsigned format = 0; format <= last_format[minor]; ++format) {
-      LasSpec spec;
-      spec.minor = minor;
-      spec.format = format;
-      spec.seed = 17 * minor + format + 1;
+      LasSpec spec{.minor = minor, .format = format, .seed = 17 * minor + format + 1};
       specs.push_back(spec);
       spec.described = true;
       spec.plain_extra = 3;

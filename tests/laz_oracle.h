@@ -197,9 +197,8 @@ inline std::string laszip_record(const std::string& laz) {
 inline std::string laz_records(const std::string& laz) {
   const std::string packed = laszip_record(laz);
   LASzip laszip;
-  if (!laszip.unpack(reinterpret_cast<const U8*>(packed.data()), static_cast<int>(packed.size()))) {
+  if (!laszip.unpack(reinterpret_cast<const U8*>(packed.data()), static_cast<int>(packed.size())))
     throw std::runtime_error("LASzip refuses the record");
-  }
   LazBytesIn in(laz);
   in.seek(static_cast<I64>(las_points_begin(laz)));
   LASreadPoint reader;

@@ -28,12 +28,7 @@ inline std::string pcd(const std::string& fields, const std::string& sizes, cons
 }
 
 // Three points of a file of records with a coordinate system, two others and a format of points.
-inline std::string las(unsigned seed) {
-  LasSpec spec;
-  spec.count = 3;
-  spec.seed = seed;
-  return make_las(spec);
-}
+inline std::string las(unsigned seed) { return make_las({.count = 3, .seed = seed}); }
 
 inline std::string ptx(const std::string& size, const std::string& more = "") {
   return size + "1 2 3\n0 1 0\n-1 0 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n1 2 3 1\n1 2 3 0.5\n4 5 6 0.25\n7 8 9 1\n" +

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "slow_tools.h"
 
@@ -96,25 +97,18 @@ inline Clouds clouds_with_estimates() {
 
 // Where something follows from each cloud, and where all is given, always with sums within a radius.
 inline std::vector<Params> params_with_estimates() {
-  std::vector<Params> kinds(12);
-  kinds[1].iterations = 1;
-  kinds[2].iterations = 3;
-  kinds[3].noise = 0.02;
-  kinds[4].outliers = Outliers::off;
-  kinds[5].outliers = Outliers::move;
-  kinds[6].radius = Length(3, Length::Unit::spacing);
-  kinds[7].radius = 0.2;
-  kinds[7].min_neighbors = 40;
-  kinds[8].normal_filter = NormalFilter::off;
-  kinds[9].relaxation = 0.7;
-  kinds[9].flat_scale = 1;
-  kinds[10].radius = 0.15;
-  kinds[10].min_neighbors = 0;
-  kinds[10].iterations = 1;
-  kinds[10].outliers = Outliers::off;
-  kinds[11].area_weight = AreaWeight::squared;
-  kinds[11].displacement_limit = Length(1, Length::Unit::percent);
-  return kinds;
+  return {{},
+          {.iterations = 1},
+          {.iterations = 3},
+          {.noise = 0.02},
+          {.outliers = Outliers::off},
+          {.outliers = Outliers::move},
+          {.radius = Length(3, Length::Unit::spacing)},
+          {.radius = 0.2, .min_neighbors = 40},
+          {.normal_filter = NormalFilter::off},
+          {.flat_scale = 1, .relaxation = 0.7},
+          {.radius = 0.15, .min_neighbors = 0, .outliers = Outliers::off, .iterations = 1},
+          {.area_weight = AreaWeight::squared, .displacement_limit = Length(1, Length::Unit::percent)}};
 }
 
 inline void expect_bits_of_single_runs(Pipeline& many, Pipeline& single, const Clouds& clouds, const Params& params,
@@ -122,9 +116,7 @@ inline void expect_bits_of_single_runs(Pipeline& many, Pipeline& single, const C
   std::vector<Point> result(clouds.points.size());
   many.run_many(clouds.points, clouds.offsets, params, result);
   for (std::size_t i = 0; i < clouds.count(); ++i) {
-    std::vector<Point> expected(clouds.cloud(i).size());
-    single.load(clouds.cloud(i));
-    single.run(params, expected);
+    const std::vector<Point> expected = result_of(single, clouds.cloud(i), params);
     EXPECT_TRUE(expected.empty() ||
                 std::memcmp(expected.data(), result.data() + clouds.offsets[i], expected.size() * sizeof(Point)) == 0)
         << what << ", cloud " << i << " of " << expected.size();

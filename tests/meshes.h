@@ -5,7 +5,6 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -16,6 +15,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair::meshes {
@@ -80,6 +80,18 @@ inline Mesh unwelded(const Mesh& mesh) {
   return result;
 }
 
+// The points in another order, and the faces from the last to the first, each from its second corner on.
+inline Mesh shuffled(const Mesh& mesh, const std::vector<std::uint32_t>& order) {
+  std::vector<std::uint32_t> now(order.size());
+  for (std::uint32_t i = 0; i < order.size(); ++i) now[order[i]] = i;
+  Mesh result{shapes::permuted(mesh.points, order), {mesh.faces.rbegin(), mesh.faces.rend()}};
+  for (Face& face : result.faces) {
+    for (std::uint32_t& corner : face) corner = now[corner];
+    std::rotate(face.begin(), face.begin() + 1, face.end());
+  }
+  return result;
+}
+
 using Place = std::tuple<float, float, float>;
 inline Place place_of(Point p) { return {p.x, p.y, p.z}; }
 
@@ -139,20 +151,7 @@ struct Result {
 
 // Along the mesh, and nothing afterwards.
 inline Params along_mesh(Method method = Method::bilateral) {
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.method = method;
-  params.tangential = 0;
-  return params;
-}
-
-inline bool has_card() {
-  static const bool result = [] {
-    const std::vector<DeviceStatus> all = list_devices();
-    return std::any_of(all.begin(), all.end(),
-                       [](const DeviceStatus& its) { return its.usable && its.info.kind == Device::cuda; });
-  }();
-  return result;
+  return {.connectivity = Connectivity::mesh, .method = method, .tangential = 0};
 }
 
 // A mesh without faces is a cloud.
@@ -169,7 +168,7 @@ inline Result run_on(const Device& device, const Mesh& mesh, const Params& param
 // On the CPU, and where there is a card on that, with the same bits.
 inline Result run(const Mesh& mesh, const Params& params, unsigned threads = 0) {
   const Result result = run_on(Device(Device::cpu, 0, threads), mesh, params);
-  if (!has_card() || reads_faces(params)) return result;
+  if (!test::why_no_card().empty() || reads_faces(params)) return result;
   const Result of_card = run_on(Device::cuda, mesh, params);
   EXPECT_TRUE(shapes::same_bits(of_card.points, result.points)) << "on a card";
   EXPECT_EQ(of_card.report.unmoved, result.report.unmoved) << "on a card";

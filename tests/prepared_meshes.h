@@ -5,8 +5,6 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <functional>
-#include <set>
-#include <vector>
 
 #include "mesh/topology.hpp"
 #include "meshes.h"
@@ -28,9 +26,7 @@ inline Vec normal_of(const Points& points, const Face& face) {
 // Each coordinate has noise, in edges of the grid.
 inline Mesh noisy(int n, Sides sides, double noise, std::uint64_t seed = 9) {
   Mesh mesh = meshes::sheet(n, sides);
-  shapes::Random random(seed);
-  for (Point& p : mesh.points)
-    for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
+  mesh.points = shapes::with_noise(mesh.points, noise / n, seed);
   return mesh;
 }
 

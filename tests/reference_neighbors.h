@@ -14,6 +14,7 @@
 #include "estimate/automatic.hpp"
 #include "pointfair/params.hpp"
 #include "pointfair/pipeline.hpp"
+#include "shapes.h"
 
 namespace pointfair::reference {
 
@@ -27,15 +28,7 @@ inline double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
 inline double length(Vec a) { return std::sqrt(dot(a, a)); }
 inline Vec to_vec(Point p) { return {p.x, p.y, p.z}; }
-inline double distance(Point a, Point b) { return length(to_vec(a) - to_vec(b)); }
-
-// Root of the mean square of a per-point error.
-template <class Error>
-double rms(const std::vector<Point>& points, Error error) {
-  double sum = 0;
-  for (const Point& p : points) sum += error(p) * error(p);
-  return std::sqrt(sum / double(points.size()));
-}
+using shapes::distance, shapes::rms;
 inline Point to_point(Vec v) { return {float(v.x), float(v.y), float(v.z)}; }
 
 // A run with nothing automatic; lengths in file units, 0 for "no limit".

@@ -19,6 +19,13 @@
 
 namespace pointfair {
 
+inline std::vector<Point> result_of(Pipeline& pipeline, std::span<const Point> points, const Params& params = {}) {
+  std::vector<Point> out(points.size());
+  pipeline.load(points);
+  pipeline.run(params, out);
+  return out;
+}
+
 // A pipeline on the CPU after its first run.
 struct Ran {
   explicit Ran(const std::vector<Point>& cloud, const Params& params = {}, unsigned threads = 0,
@@ -43,6 +50,20 @@ struct Ran {
 };
 
 namespace test {
+
+// Empty where a card can be used.
+inline const std::string& why_no_card() {
+  static const std::string why = [] {
+    std::string reason = "no card";
+    for (const DeviceStatus& status : list_devices()) {
+      if (status.info.kind != Device::cuda) continue;
+      if (status.usable) return std::string();
+      reason = status.info.reason;
+    }
+    return reason;
+  }();
+  return why;
+}
 
 // The error that `call` throws: its kind and its message. Fails the test if there is none.
 struct Thrown {

@@ -2,7 +2,6 @@
 // Seeded clouds with known geometry. Only + - * / and square roots, so that a seed gives the same bits everywhere.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>
@@ -43,6 +42,30 @@ class Random {
  private:
   std::uint64_t state_;
 };
+
+inline double distance(const Point& a, const Point& b) {
+  return std::hypot(double(a.x) - b.x, double(a.y) - b.y, double(a.z) - b.z);
+}
+// How far the points of one cloud lie from those of another on average.
+inline double mean_distance(const Points& a, const Points& b) {
+  double sum = 0;
+  for (std::size_t i = 0; i < a.size(); ++i) sum += distance(a[i], b[i]);
+  return sum / double(a.size());
+}
+
+// Of a per-point error: the root of the mean square, and the mean of the absolute values.
+template <class Error>
+double rms(const Points& points, const Error& error) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::pow(double(error(p)), 2);
+  return std::sqrt(sum / double(points.size()));
+}
+template <class Error>
+double mean_error(const Points& points, const Error& error) {
+  double sum = 0;
+  for (const Point& p : points) sum += std::abs(double(error(p)));
+  return sum / double(points.size());
+}
 
 inline Point make_point(double x, double y, double z) { return {float(x), float(y), float(z)}; }
 
@@ -144,6 +167,13 @@ inline Points with_noise(Points points, double sigma, std::uint64_t seed = 7) {
   return points;
 }
 
+// At the height over the plane.
+template <class Height>
+Points lifted(Points points, const Height& height) {
+  for (Point& p : points) p.z = float(height(p.x, p.y));
+  return points;
+}
+
 inline Points with_stray(Points points, float distance) {
   points.push_back({distance, distance, distance});
   return points;
@@ -185,17 +215,8 @@ inline Points permuted(const Points& points, const std::vector<std::uint32_t>& o
 }
 
 // At UTM-like coordinates, as a file with doubles is read: small offsets from a large origin.
-inline Cloud at_utm(Points points) {
-  Cloud cloud;
-  cloud.origin = {448262.125, 5411932.5, 312.25};
-  cloud.points = std::move(points);
-  return cloud;
-}
+inline Cloud at_utm(Points points) { return {.origin = {448262.125, 5411932.5, 312.25}, .points = std::move(points)}; }
 
-inline Cloud as_cloud(Points points) {
-  Cloud cloud;
-  cloud.points = std::move(points);
-  return cloud;
-}
+inline Cloud as_cloud(Points points) { return {.points = std::move(points)}; }
 
 }  // namespace pointfair::shapes

@@ -105,9 +105,7 @@ inline void expect_the_same_lists(Backend& backend, const NamedCloud& cloud) {
 }
 inline void expect_the_same_sums(Backend& backend, const NamedCloud& cloud) {
   SCOPED_TRACE(cloud.name + ", one radius");
-  StageSettings settings;
-  settings.frame = frame_over({0.1f, -0.2f, -0.3f}, 0.8f);
-  settings.neighbors = {0, 0.07f, false, 0};
+  StageSettings settings{.neighbors = {0, 0.07f, false, 0}, .frame = frame_over({0.1f, -0.2f, -0.3f}, 0.8f)};
   settings.normals.filter_rounds = 2;
   settings.normals.crease_angle = 25;
   settings.normals.flat_scale = 1.3f;

@@ -17,9 +17,7 @@ namespace {
 using shapes::Points;
 
 Params resolved(const Noise& noise, Method method = Method::bilateral) {
-  Params params;
-  params.method = method;
-  return resolve(params, {{1, 1}, noise}, 100).params;
+  return resolve({.method = method}, {{1, 1}, noise}, 100).params;
 }
 
 // Noise in spacings of 1.
@@ -56,8 +54,7 @@ TEST(Automatic, normals_of_noisy_clouds_mix_in_larger_flat_places) {
 TEST(Automatic, a_given_radius_changes_nothing_else) {
   const Noise noise = noise_of(0.4);
   const Params automatic = resolved(noise);
-  Params params;
-  params.radius = automatic.radius;
+  Params params{.radius = automatic.radius};
   EXPECT_EQ(resolve(params, {{1, 1}, noise}, 100).params, automatic);
   params.radius = 2 * automatic.radius.value;
   const Params wider = resolve(params, {{1, 1}, noise}, 100).params;
@@ -73,10 +70,9 @@ struct Left {
 };
 Left left(const Points& noisy, double (*off)(Point)) {
   Ran automatic(noisy);
-  Params params;
-  params.radius = 2.5 * automatic.pipeline.estimates().noise;
-  params.min_neighbors = 16;
-  return {reference::rms(automatic.points, off), reference::rms(Ran(noisy, params).points, off)};
+  return {reference::rms(automatic.points, off),
+          reference::rms(Ran(noisy, {.radius = 2.5 * automatic.pipeline.estimates().noise, .min_neighbors = 16}).points,
+                         off)};
 }
 
 TEST(Automatic, less_noise_is_left_than_by_one_radius_for_all_shapes) {

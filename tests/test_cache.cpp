@@ -4,7 +4,6 @@
 #include <gtest/gtest.h>
 
 #include <array>
-#include <cstring>
 #include <functional>
 #include <memory>
 #include <stop_token>
@@ -89,26 +88,24 @@ struct Recorded {
 const Calls kAll = {"index", "neighbors", "normals", "fairing"};
 
 Params settled() {  // nothing automatic, so that a change of one value changes nothing else
-  Params params;
-  params.k = 12;
-  params.constraint = true;
-  params.rho = 0.08;
-  params.delta = 0.01;
-  params.normal_sigma = 0.05;
-  params.closeness_sigma = 0.05;
-  params.similarity_sigma = 0.02;
-  params.normal_filter = NormalFilter::on;
-  params.crease_angle = 30;
-  params.flat_scale = 1.5;
-  params.offset = Offset::symmetric;
-  params.relaxation = 0.9;
-  params.implicit_lambda = 2;
-  params.iterations = 1;
-  params.outliers = Outliers::keep;
-  params.outlier_distance = 0.3;
-  params.outlier_radius = 0.4;
-  params.displacement_limit = 0.2;
-  return params;
+  return {.k = 12,
+          .constraint = true,
+          .rho = 0.08,
+          .delta = 0.01,
+          .normal_sigma = 0.05,
+          .normal_filter = NormalFilter::on,
+          .crease_angle = 30,
+          .flat_scale = 1.5,
+          .closeness_sigma = 0.05,
+          .similarity_sigma = 0.02,
+          .offset = Offset::symmetric,
+          .relaxation = 0.9,
+          .implicit_lambda = 2,
+          .outliers = Outliers::keep,
+          .outlier_distance = 0.3,
+          .outlier_radius = 0.4,
+          .iterations = 1,
+          .displacement_limit = 0.2};
 }
 
 Params settled_without_list() {

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <string>
 
 #include "pointfair/pointfair.hpp"
 #include "runs.h"
@@ -33,8 +32,7 @@ TEST(Choice, goes_by_the_memory_that_is_given_whatever_is_free) {
 }
 
 TEST(Choice, counts_lists_of_neighbours_and_what_a_card_holds_in_its_own_memory) {
-  Params list;
-  list.k = 100;
+  Params list{.k = 100};
   EXPECT_GT(bytes_in_memory(1000, list, Device::cpu), bytes_in_memory(1000, {}, Device::cpu) + 799'999);
   EXPECT_LT(bytes_in_memory(1000, list, Device::cuda), bytes_in_memory(1000, {}, Device::cpu));
 }
@@ -73,17 +71,13 @@ TEST(Choice, is_as_many_tiles_on_disk_as_the_memory_holds_with_their_halos) {
   const std::uint64_t tiles = tiles_on_disk(points, {}, memory);
   EXPECT_LE(bytes_of_tile(points, tiles, {}, memory), memory);
   EXPECT_EQ(bytes_of_tile(points, tiles - 1, {}, memory), memory) << "fewer tiles would fit";
-  Params list;
-  list.k = 100;
-  EXPECT_GT(tiles_on_disk(points, list, memory), 4 * tiles);
+  EXPECT_GT(tiles_on_disk(points, {.k = 100}, memory), 4 * tiles);
 }
 
 class ChoiceOfJobs : public testing::Test {
  protected:
   ChoiceOfJobs() {
-    Cloud cloud;
-    cloud.points = shapes::sphere(2000, 3);
-    write(folder_ / "in.ply", cloud);
+    write(folder_ / "in.ply", {.points = shapes::sphere(2000, 3)});
     job_.inputs = {folder_ / "in.ply"};
     job_.output = folder_ / "out.ply";
   }

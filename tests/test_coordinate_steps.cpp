@@ -78,9 +78,7 @@ Points depth_frame(double turn) {
 }
 // Of a frame that was not turned.
 double mean_distance_to_wall(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(p.z - 0.3 * p.x - 0.2 * p.y - 2) / std::sqrt(1 + 0.09 + 0.04);
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return p.z - 0.3 * p.x - 0.2 * p.y - 2; }) / std::sqrt(1.13);
 }
 
 TEST(CoordinateSteps, of_rounded_coordinates_are_found) {
@@ -135,9 +133,7 @@ TEST(CoordinateSteps, do_not_depend_on_where_the_cloud_lies) {
 }
 
 double mean_distance_to_sphere(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(reference::length(reference::to_vec(p)) - 1);
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return reference::length(reference::to_vec(p)) - 1; });
 }
 Points denoised(const Points& points) { return Ran(points).points; }
 

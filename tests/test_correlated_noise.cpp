@@ -46,9 +46,8 @@ Points with_correlated_noise(Points points, double sigma) {
 }
 
 Points waves() {
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(0.004 * std::sin(60 * double(p.x)) * std::cos(50 * double(p.y)));
-  return points;
+  return shapes::lifted(shapes::plane(kPoints),
+                        [](double x, double y) { return 0.004 * std::sin(60 * x) * std::cos(50 * y); });
 }
 
 double correlation(const Points& points) {
@@ -74,8 +73,7 @@ TEST(CorrelatedNoise, is_told_from_other_noise_and_from_shape) {
 
 TEST(CorrelatedNoise, is_averaged_over_wider_neighbourhoods) {
   const Points noisy = with_correlated_noise(shapes::plane(kPoints), kSigma);
-  Params narrow;
-  narrow.min_neighbors = 16;
+  Params narrow{.min_neighbors = 16};
   const double left = rms_height_after_a_run(noisy, {});
   EXPECT_LT(left, 0.5 * kSigma);
   EXPECT_LT(left, 0.85 * rms_height_after_a_run(noisy, narrow));
@@ -110,13 +108,9 @@ TEST(CorrelatedNoise, of_windows_is_averaged_over_many_of_them) {
 TEST(CorrelatedNoise, a_relief_of_one_wavelength_is_none) {
   constexpr double kFrequency = 2 * std::numbers::pi / (10 * kSpacing), kHeight = 0.3 * kSpacing,
                    kNoise = 0.1 * kSpacing;
-  const auto relief = [](Point p) {
-    return kHeight * std::sin(kFrequency * double(p.x)) * std::cos(kFrequency * double(p.y));
-  };
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(relief(p));
-  const Points fair = Ran(shapes::with_noise(points, kNoise), {}).points;
-  EXPECT_LT(reference::rms(fair, [&](Point p) { return double{p.z} - relief(p); }), 0.8 * kNoise);
+  const auto relief = [](double x, double y) { return kHeight * std::sin(kFrequency * x) * std::cos(kFrequency * y); };
+  const Points fair = Ran(shapes::with_noise(shapes::lifted(shapes::plane(kPoints), relief), kNoise)).points;
+  EXPECT_LT(shapes::rms(fair, [&](Point p) { return p.z - relief(p.x, p.y); }), 0.8 * kNoise);
 }
 
 }  // namespace

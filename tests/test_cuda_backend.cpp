@@ -195,9 +195,7 @@ TEST_F(CudaBackendTest, equals_the_cpu_where_a_sensor_is_known) {
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_over_iterations) {
-  StageSettings settings;
-  settings.iterations = 3;
-  expect_same(noisy_sphere(100000, 11, 0.002), settings, "3 iterations");
+  expect_same(noisy_sphere(100000, 11, 0.002), {.iterations = 3}, "3 iterations");
 }
 
 TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
@@ -299,13 +297,9 @@ TEST_F(CudaBackendTest, bounds_and_samples_equal_the_cpu) {
 }
 
 TEST(CudaDevices, a_card_that_is_not_there_is_refused_with_a_reason) {
-  try {
-    make_cuda_backend(99);
-    FAIL() << "card 99 exists";
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::device);
-    EXPECT_GT(std::string(error.what()).size(), 20u);
-  }
+  const test::Thrown thrown = test::thrown_by([] { make_cuda_backend(99); });
+  EXPECT_EQ(thrown.kind, ErrorKind::device);
+  EXPECT_GT(thrown.message.size(), 20u);
 }
 
 }  // namespace

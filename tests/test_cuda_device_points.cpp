@@ -10,6 +10,7 @@
 #include <thread>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "slow_tools.h"
 
@@ -54,10 +55,7 @@ std::vector<Point> noisy_sphere(int count) {
 }
 
 std::vector<Params> kinds_of_params() {
-  Params listed;
-  listed.k = 8;
-  listed.iterations = 1;
-  listed.outliers = Outliers::off;
+  Params listed{.k = 8, .outliers = Outliers::off, .iterations = 1};
   return {Params{}, listed};
 }
 
@@ -80,11 +78,8 @@ std::vector<T> by_host(const std::vector<T>& values, std::size_t count, std::ptr
     for (std::size_t axis = 0; axis < 3; ++axis)
       positions[i][axis] = values[i * std::size_t(row) + axis * std::size_t(column)];
   const Cloud before = make_cloud(positions);
-  std::vector<Point> after(count);
   Pipeline pipeline(Device::cuda);
-  pipeline.load(before.points);
-  pipeline.run(params, after);
-  move_positions(before, after, positions);
+  move_positions(before, result_of(pipeline, before.points, params), positions);
   std::vector<T> result = values;
   for (std::size_t i = 0; i < count; ++i)
     for (std::size_t axis = 0; axis < 3; ++axis)
@@ -141,11 +136,10 @@ struct Producer {
 // The stream's work begins late, and the points are there only then.
 TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_writer) {
   const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(50000)));
-  std::vector<Point> expected(points.size()), result(points.size());
+  std::vector<Point> result(points.size());
   Params params = kinds_of_params()[1];
   Pipeline pipeline(Device::cuda);
-  pipeline.load(points);
-  pipeline.run(params, expected);
+  const std::vector<Point> expected = result_of(pipeline, points, params);
   const std::size_t bytes = points.size() * sizeof(Point);
   void* const source = on_card(points.data(), bytes);
   void* const memory = on_card(nullptr, bytes);
@@ -166,14 +160,12 @@ TEST_F(CudaDevicePointsTest, wait_for_a_late_producer_and_hold_up_the_next_write
 
 TEST_F(CudaDevicePointsTest, refined_points_stay_on_the_card) {
   const std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(20000)));
-  std::vector<Point> expected(points.size()), result(points.size());
+  std::vector<Point> result(points.size());
   const std::size_t bytes = points.size() * sizeof(Point);
   void* const memory = on_card(points.data(), bytes);
-  Params params;
-  params.method = Method::learned;
+  Params params{.method = Method::learned};
   Pipeline pipeline(Device::cuda);
-  pipeline.load(points);
-  pipeline.run(params, expected);
+  const std::vector<Point> expected = result_of(pipeline, points, params);
   pipeline.load({memory, points.size()}, stream());
   pipeline.run(params, {memory, points.size()}, stream());
   ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);
@@ -194,35 +186,19 @@ TEST_F(CudaDevicePointsTest, normals_stay_on_the_card) {
 }
 
 TEST_F(CudaDevicePointsTest, elsewhere_are_refused_with_a_sentence) {
-  const auto error_of = [](const auto& call) -> std::string {
-    try {
-      call();
-    } catch (const Error& error) {
-      EXPECT_EQ(error.kind(), ErrorKind::usage);
-      return error.what();
-    }
-    return "";
-  };
   std::vector<Point> points = noisy_sphere(int(slow_tools::most_points(3000)));
   Pipeline pipeline(Device::cuda);
-  EXPECT_NE(error_of([&] {
-              pipeline.load({points.data(), points.size()}, stream());
-            }).find("in host memory"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "in host memory", [&] { pipeline.load({points.data(), points.size()}, stream()); });
   void* const memory = on_card(points.data(), points.size() * sizeof(Point));
   DevicePoints elsewhere{memory, points.size()};
   elsewhere.card = 1;
-  EXPECT_NE(error_of([&] { pipeline.load(elsewhere, stream()); }).find("on card 1"), std::string::npos);
+  expect_error(ErrorKind::usage, "on card 1", [&] { pipeline.load(elsewhere, stream()); });
   pipeline.load({memory, points.size()}, stream());
-  EXPECT_NE(error_of([&] {
-              pipeline.run({}, {points.data(), points.size()}, stream());
-            }).find("in host memory"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "in host memory", [&] { pipeline.run({}, {points.data(), points.size()}, stream()); });
   void* const wide = on_card(nullptr, points.size() * sizeof(Position));
-  EXPECT_NE(error_of([&] {
-              pipeline.run({}, {wide, points.size(), 3, 1, ScalarType::float64}, stream());
-            }).find("another type"),
-            std::string::npos);
+  expect_error(ErrorKind::usage, "another type", [&] {
+    pipeline.run({}, {wide, points.size(), 3, 1, ScalarType::float64}, stream());
+  });
   pipeline.run({}, {memory, points.size()}, stream());
   pipeline.load(DevicePoints{}, stream());
   pipeline.run({}, DeviceOutput{}, stream());

@@ -67,9 +67,7 @@ TEST_F(CudaBackendTest, implicit_equals_the_cpu_on_hard_clouds) {
 
 TEST_F(CudaBackendTest, implicit_can_be_stopped_and_repeated) {
   const std::vector<Point> points = cut(noisy_sphere(30000, 35, 0.002));
-  Params params;
-  params.method = Method::implicit;
-  params.iterations = 2;
+  Params params{.method = Method::implicit, .iterations = 2};
   std::vector<Point> expected(points.size()), out(points.size());
   Pipeline cpu(Device::cpu), cuda(Device::cuda);
   cpu.load(points);

@@ -15,10 +15,7 @@ class CudaLearned : public CudaBackendTest {
  protected:
   static Points run(Pipeline& pipeline, const Points& points, Params params) {
     params.method = Method::learned;
-    Points result(points.size());
-    pipeline.load(points);
-    pipeline.run(params, result);
-    return result;
+    return result_of(pipeline, points, params);
   }
   static Points run(Device::Kind kind, const Points& points, const Params& params = {}) {
     Pipeline pipeline{Device(kind)};
@@ -74,10 +71,7 @@ TEST_F(CudaLearned, leaves_the_results_of_later_runs_as_they_are) {
   cpu.load(points);
   for (const Method method : {Method::learned, Method::bilateral, Method::learned}) {
     for (const int iterations : {2, 1}) {
-      Params params;
-      params.method = method;
-      params.iterations = iterations;
-      params.similarity_sigma = 0.01 * (iterations + int(method));
+      Params params{.method = method, .similarity_sigma = 0.01 * (iterations + int(method)), .iterations = iterations};
       Points on_card(points.size()), on_cpu(points.size());
       cuda.run(params, on_card);
       cpu.run(params, on_cpu);

@@ -123,12 +123,7 @@ TEST_F(CudaRadii, equal_the_cpu_on_a_million_points) {
 TEST_F(CudaRadii, of_the_default_run_equal_the_cpu) {
   const std::vector<Point> points = cut(noisy_sphere(60000, 22, 0.01));
   Pipeline cuda(Device::cuda), cpu(Device::cpu);
-  std::vector<Point> on_card(points.size()), on_cpu(points.size());
-  cuda.load(points);
-  cuda.run({}, on_card);
-  cpu.load(points);
-  cpu.run({}, on_cpu);
-  EXPECT_EQ(difference(on_card, on_cpu), "");
+  EXPECT_EQ(difference(result_of(cuda, points), result_of(cpu, points)), "");
   EXPECT_EQ(cuda.report().params.radius.value, cpu.report().params.radius.value);
 }
 
@@ -145,8 +140,7 @@ TEST_F(CudaRadii, of_a_cloud_in_tiles_equal_those_of_the_whole_on_the_cpu) {
     tiles.load(points);
     cpu.load(points);
     for (const std::optional<double> flat_scale : {std::optional<double>(), std::optional<double>(1)}) {
-      Params params;
-      params.flat_scale = flat_scale;
+      Params params{.flat_scale = flat_scale};
       tiles.run(params, in_tiles);
       cpu.run(params, on_cpu);
       EXPECT_EQ(difference(in_tiles, on_cpu), "") << flat_scale.value_or(0);

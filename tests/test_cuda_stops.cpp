@@ -37,10 +37,8 @@ TEST_F(CudaBackendTest, a_stopped_run_can_be_repeated) {
   constrained.constraint = true;
   for (Params params : {wide, lists, constrained, Params{}}) {
     params.iterations = 2;
-    std::vector<Point> expected(points.size()), out(points.size());
     Pipeline fresh(Device::cuda), pipeline(Device::cuda);
-    fresh.load(points);
-    fresh.run(params, expected);
+    std::vector<Point> expected = result_of(fresh, points, params), out(points.size());
     for (const int calls : {2, 3, 4, 7}) {
       pipeline.load(points);
       std::stop_source stop;

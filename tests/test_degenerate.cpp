@@ -77,10 +77,7 @@ TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
     Points out(points.size());
     pipeline.run({}, out);
     EXPECT_TRUE(same_bits(out, points));
-    Params given;
-    given.k = 8;
-    given.iterations = 1;
-    given.normal_sigma = given.closeness_sigma = given.similarity_sigma = 0.1;
+    const Params given{.k = 8, .normal_sigma = 0.1, .closeness_sigma = 0.1, .similarity_sigma = 0.1, .iterations = 1};
     EXPECT_EQ(pipeline.resolve(given).k, 8);
   }
 }
@@ -108,9 +105,7 @@ TEST(Degenerate, lengths_in_percent_or_spacings_of_nothing_are_reported_as_lengt
 TEST(Degenerate, k_points_and_one_more_are_faired_with_all_there_are) {
   for (const int count : {4, 15, 16, 17})
     for (const int k : {16, 512}) {
-      Params params;
-      params.k = k;
-      Ran result(shapes::with_noise(shapes::sphere(count), 0.05), params);
+      Ran result(shapes::with_noise(shapes::sphere(count), 0.05), {.k = k});
       EXPECT_TRUE(all_finite(result.points));
       EXPECT_EQ(result.report.unmoved.too_few_neighbors, 0u);
     }
@@ -152,9 +147,7 @@ TEST(Degenerate, a_crowd_at_one_place_stays_and_is_counted_and_the_others_are_tr
 TEST(Degenerate, doubled_points_move_alike) {
   Points points = shapes::with_noise(shapes::waves(1000), 0.004);
   points.insert(points.end(), points.begin(), points.end());
-  Params params;
-  params.radius = 0.1;
-  const Points out = Ran(points, params).points;
+  const Points out = Ran(points, {.radius = 0.1}).points;
   for (std::size_t i = 0; i < 1000; ++i)
     ASSERT_LT(reference::length(reference::to_vec(out[i]) - reference::to_vec(out[i + 1000])), 1e-5);
 }
@@ -200,9 +193,7 @@ TEST(Degenerate, invalid_points_do_not_change_the_others) {
   Points mixed = points;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (int i = 0; i < 500; ++i) mixed.push_back({nan, 0, 0});
-  Params params;
-  params.k = 16;
-  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+  Params params{.k = 16, .normal_sigma = 0.05, .closeness_sigma = 0.05, .similarity_sigma = 0.05};
   Points out = Ran(mixed, params).points;
   out.resize(points.size());
   EXPECT_TRUE(same_bits(out, Ran(points, params).points));
@@ -210,9 +201,7 @@ TEST(Degenerate, invalid_points_do_not_change_the_others) {
 
 TEST(Degenerate, a_stray_point_stays_and_does_not_change_the_others) {
   const Points points = shapes::with_noise(shapes::waves(3000), 0.004);
-  Params params;
-  params.k = 16;
-  params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+  Params params{.k = 16, .normal_sigma = 0.05, .closeness_sigma = 0.05, .similarity_sigma = 0.05};
   const Points expected = Ran(points, params).points;
   for (const float distance : {1e3f, 1e6f, 1e12f, 9e17f}) {
     Points out = Ran(shapes::with_stray(points, distance), params).points;
@@ -242,9 +231,7 @@ TEST(Degenerate, offsets_as_large_as_float_coordinates_of_utm_do_not_spoil_the_n
 TEST(Degenerate, widths_far_below_the_spacing_leave_every_point_in_place) {
   const Points points = shapes::with_noise(shapes::waves(1000), 0.004);
   for (const double sigma : {1e-6, 1e-20, 1e-38}) {
-    Params params;
-    params.k = 12;
-    params.closeness_sigma = sigma;
+    Params params{.k = 12, .closeness_sigma = sigma};
     EXPECT_TRUE(same_bits(Ran(points, params).points, points)) << sigma;
     params.normal_sigma = params.similarity_sigma = sigma;
     EXPECT_TRUE(same_bits(Ran(points, params).points, points)) << sigma;
@@ -254,9 +241,7 @@ TEST(Degenerate, widths_far_below_the_spacing_leave_every_point_in_place) {
 TEST(Degenerate, widths_far_above_the_cloud_stay_finite) {
   const Points points = shapes::with_noise(shapes::waves(1000), 0.004);
   for (const double sigma : {1e6, 1e20, 1e30}) {
-    Params params;
-    params.k = 12;
-    params.normal_sigma = params.closeness_sigma = params.similarity_sigma = sigma;
+    Params params{.k = 12, .normal_sigma = sigma, .closeness_sigma = sigma, .similarity_sigma = sigma};
     EXPECT_TRUE(all_finite(Ran(points, params).points)) << sigma;
     params.radius = sigma;
     EXPECT_TRUE(all_finite(Ran(points, params).points)) << sigma;
@@ -265,17 +250,11 @@ TEST(Degenerate, widths_far_above_the_cloud_stay_finite) {
 
 TEST(Degenerate, points_with_fewer_than_three_neighbors_keep_their_places_and_are_counted) {
   const Points points = shapes::waves(1000);
-  std::vector<Params> kinds(5);
-  kinds[0].k = 1;
-  kinds[1].k = 2;
-  for (const std::size_t kind : {2, 3}) {
-    kinds[kind].radius = kind == 2 ? 1e-4 : 1e-25;
-    kinds[kind].min_neighbors = 1;
-    kinds[kind].flat_scale = 1;
-  }
-  kinds[4].k = 8;
-  kinds[4].constraint = true;
-  kinds[4].rho = kinds[4].delta = 1e-5;
+  const Params kinds[] = {{.k = 1},
+                          {.k = 2},
+                          {.radius = 1e-4, .min_neighbors = 1, .flat_scale = 1},
+                          {.radius = 1e-25, .min_neighbors = 1, .flat_scale = 1},
+                          {.k = 8, .constraint = true, .rho = 1e-5, .delta = 1e-5}};
   for (const Params& params : kinds) {
     const Ran result(points, params);
     EXPECT_TRUE(same_bits(result.points, points));

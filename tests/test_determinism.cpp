@@ -15,13 +15,10 @@ namespace {
 using shapes::Points, shapes::same_bits;
 
 std::vector<Params> all_kinds() {
-  Params by_radius;
-  by_radius.radius = Length(3, Length::Unit::spacing);
-  by_radius.area_weight = AreaWeight::length;
+  Params by_radius{.radius = Length(3, Length::Unit::spacing), .area_weight = AreaWeight::length};
   Params both = by_radius;
   both.k = 24;
-  Params long_list;
-  long_list.k = 64;
+  Params long_list{.k = 64};
   std::vector<Params> kinds{Params{}, paper_preset(), by_radius, both, long_list};
   for (const Method method :
        {Method::laplacian, Method::taubin, Method::hc_laplacian, Method::mls, Method::wiener, Method::mollified})

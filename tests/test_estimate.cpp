@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <vector>
 
 #include "estimate/estimate.hpp"
 #include "seam/backend.hpp"

@@ -77,9 +77,8 @@ std::vector<Vec> followed(const Mesh& mesh, const std::vector<bool>& stays, doub
       for (const std::uint32_t v : mesh.faces[f])
         steps[v] += normals[f] * normals[f].dot(middle - places[v]), ++counts[v];
     }
-    for (std::size_t v = 0; v < places.size(); ++v) {
+    for (std::size_t v = 0; v < places.size(); ++v)
       if (!stays[v]) places[v] += 1.5 / counts[v] * steps[v];
-    }
   }
   return places;
 }

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What files say beside their points; the scale of LAS files.
-#include <cmath>
 
 #include "e57_files.h"
 #include "io_files.h"
@@ -12,9 +11,7 @@ namespace pointfair::test {
 namespace {
 
 std::string las_with(const std::vector<std::pair<unsigned, std::string>>& projections) {
-  LasSpec spec;
-  spec.records = false;
-  const std::string las = make_las(spec);
+  const std::string las = make_las({.records = false});
   std::string records;
   for (const auto& [id, data] : projections) records += las_record("LASF_Projection", id, data, false);
   std::string file = las.substr(0, las_points_begin(las)) + records + las.substr(las_points_begin(las));
@@ -24,9 +21,8 @@ std::string las_with(const std::vector<std::pair<unsigned, std::string>>& projec
 }
 
 std::string row(const FileInfo& info, const std::string& name) {
-  for (const FileInfo::Row& r : info.rows) {
+  for (const FileInfo::Row& r : info.rows)
     if (r.name == name) return r.value;
-  }
   return "(none)";
 }
 
@@ -34,19 +30,15 @@ FileInfo info_of(const std::string& las) { return file_info(parse(las, "a.las"))
 
 std::string geo_keys(std::initializer_list<std::pair<int, int>> keys) {
   std::string data = packed<std::uint16_t>({1, 1, 0, static_cast<std::uint16_t>(keys.size())});
-  for (const auto& [key, value] : keys) {
+  for (const auto& [key, value] : keys)
     data += packed<std::uint16_t>({static_cast<std::uint16_t>(key), 0, 1, static_cast<std::uint16_t>(value)});
-  }
   return data;
 }
 
 }  // namespace
 
 TEST(FileInfos, ALasFileSaysWhatItIs) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 7;
-  const FileInfo info = info_of(make_las(spec));
+  const FileInfo info = info_of(make_las({.minor = 4, .format = 7}));
   EXPECT_EQ(row(info, "version"), "LAS 1.4");
   EXPECT_EQ(row(info, "point_format"), "7");
   EXPECT_EQ(row(info, "scale"), "0.01, 0.01, 0.001");
@@ -132,8 +124,7 @@ TEST(FileInfos, GeoKeysNameSystemAndUnit) {
 
 TEST(FileInfos, LengthsInMetresFollowTheUnitOfTheLoadedFile) {
   Pipeline pipeline(Device::cpu);
-  Params params;
-  params.noise = {0.3048, Length::Unit::metre};
+  Params params{.noise = {0.3048, Length::Unit::metre}};
   const auto loaded = [&](const std::string& las) {
     pipeline.load(parse(las, "a.las"));
     return pipeline.resolve(params).noise.value;
@@ -174,16 +165,12 @@ TEST(FileInfos, OtherFormatsSayNothing) {
 
 TEST(LasScale, AFinerGridHoldsSmallMovesAndLeavesOthersWhereTheyAre) {
   for (const Format format : {Format::las, Format::laz}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = 6;
-    const std::string las = make_las(spec);
+    const std::string las = make_las({.minor = 4, .format = 6});
     Cloud cloud = parse(las, "a.las");
     const float before = cloud.points[3].x;
     cloud.points[3].x += 0.0035F;
     const Folder folder;
-    WriteOptions options;
-    options.las_scale = 0.001;
+    WriteOptions options{.las_scale = 0.001};
     const auto path = folder / (format == Format::las ? "a.las" : "a.laz");
     write(path, cloud, options);
     const Cloud again = read(path);
@@ -207,8 +194,7 @@ TEST(LasScale, MustBeAWholePartThatFits) {
   const Cloud cloud = parse(make_las(LasSpec{}), "a.las");
   const Folder folder;
   const auto refused = [&](double scale, const char* name) {
-    WriteOptions options;
-    options.las_scale = scale;
+    WriteOptions options{.las_scale = scale};
     const Thrown thrown = thrown_by([&] { write(folder / name, cloud, options); });
     EXPECT_EQ(thrown.kind, ErrorKind::usage);
     EXPECT_EQ(thrown_by([&] { check_write(folder / name, cloud, options); }).message, thrown.message);

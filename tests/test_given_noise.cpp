@@ -2,9 +2,7 @@
 // Params::noise: everything automatic follows from it, and what it says is not estimated.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstring>
-#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -57,8 +55,7 @@ TEST(GivenNoise, is_read_in_every_unit) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(hills());
   const Estimates estimates = pipeline.estimates();
-  Params params;
-  params.noise = 0.02;
+  Params params{.noise = 0.02};
   const Params expected = pipeline.resolve(params);
   EXPECT_EQ(expected.noise, Length(0.02));
   params.noise = {0.02 / estimates.spacing, Length::Unit::spacing};
@@ -71,11 +68,7 @@ TEST(GivenNoise, is_read_in_every_unit) {
 TEST(GivenNoise, sets_what_is_automatic_and_leaves_what_is_given) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(hills());
-  Params params;
-  params.noise = 0.05;
-  params.min_neighbors = 20;
-  params.similarity_sigma = 0.01;
-  const Params used = pipeline.resolve(params);
+  const Params used = pipeline.resolve({.noise = 0.05, .min_neighbors = 20, .similarity_sigma = 0.01});
   EXPECT_EQ(used.min_neighbors, 20);
   EXPECT_EQ(used.similarity_sigma, Length(0.01));
   EXPECT_DOUBLE_EQ(used.delta.value, 2.5 * 0.05);  // as docs/parameters.md says
@@ -130,10 +123,7 @@ TEST(GivenNoise, is_not_estimated_where_nothing_else_of_the_estimate_is_read) {
 TEST(GivenNoise, widths_in_radii_of_a_list_are_no_less_than_those_that_are_automatic) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(hills());
-  Params params;
-  params.k = 16;
-  params.similarity_sigma = 0.03;
-  params.outliers = Outliers::off;
+  Params params{.k = 16, .similarity_sigma = 0.03, .outliers = Outliers::off};
   const double automatic = pipeline.resolve(params).closeness_sigma.value;  // half the radius
   params.normal_sigma = {1, Length::Unit::radius};
   params.closeness_sigma = {0.5, Length::Unit::radius};

@@ -46,7 +46,7 @@ Forest forest(std::size_t ground, std::size_t crown, unsigned seed, double noise
 }
 
 double height_of(const Point& p) { return (p.z - 0.1 * p.x - 0.02 * p.y) / std::sqrt(1 + 0.01 + 0.0004); }
-double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+using shapes::distance;
 
 TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
   for (const unsigned seed : {1u, 2u, 3u}) {
@@ -96,9 +96,7 @@ TEST(HiddenSurface, is_no_plane_of_a_profile) {
       points.push_back({float(x), float(y), float(height(x, y) + noise * random.normal())});
     }
     Ran run(points);
-    double squares = 0;
-    for (const Point& p : run.points) squares += std::pow(p.z - height(p.x, p.y), 2) / kPoints;
-    EXPECT_LT(std::sqrt(squares), 0.25 * noise);
+    EXPECT_LT(shapes::rms(run.points, [&](Point p) { return p.z - height(p.x, p.y); }), 0.25 * noise);
     EXPECT_EQ(run.pipeline.estimates().without_surface, 0) << noise;
   }
 }

@@ -4,10 +4,10 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cstring>
 
 #include "backend_runs.h"
 #include "pointfair/pipeline.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -25,17 +25,12 @@ TEST(HostBuffer, gives_the_same_as_ordinary_memory_on_every_device) {
       const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
       ASSERT_EQ(in.points().size(), points.size());
       std::copy(points.begin(), points.end(), in.points().begin());
-      Params params;
-      params.k = 8;
+      Params params{.k = 8};
       pipeline.load(in.points());
       std::fill(in.points().begin(), in.points().end(), Point{});  // load has taken its copy
       pipeline.run(params, out.points());
-      Points expected(points.size());
       Pipeline fresh(device.info.kind);
-      fresh.load(points);
-      fresh.run(params, expected);
-      EXPECT_TRUE(std::equal(expected.begin(), expected.end(), out.points().begin(),
-                             [](Point a, Point b) { return std::memcmp(&a, &b, sizeof a) == 0; }));
+      EXPECT_EQ(difference(result_of(fresh, points, params), Points(out.points().begin(), out.points().end())), "");
     }
   }
 }
@@ -49,7 +44,6 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
       std::sort(points.begin(), points.end(), [](Point a, Point b) { return a.z < b.z; });
       Pipeline pipeline(device.info.kind), fresh(device.info.kind);
       const HostBuffer in = pipeline.host_buffer(points.size()), out = pipeline.host_buffer(points.size());
-      Points expected(points.size());
       std::copy(points.begin(), points.end(), in.points().begin());
       for (const int iterations : {1, 1, 2}) {
         for (const bool all_automatic : {false, true}) {
@@ -63,8 +57,7 @@ TEST(Pipeline, loads_and_runs_at_once_with_the_same_result_on_every_device) {
           }
           params.iterations = iterations;
           pipeline.run(in.points(), params, out.points());
-          fresh.load(points);
-          fresh.run(params, expected);
+          Points expected = result_of(fresh, points, params);
           EXPECT_EQ(difference(expected, Points(out.points().begin(), out.points().end())), "");
           std::vector<std::string> names, separate;
           for (const StageTime& stage : pipeline.report().stages) names.push_back(stage.name);
@@ -100,9 +93,7 @@ TEST(Report, names_every_stage_once_on_every_device) {
     if (!device.usable) continue;
     Pipeline pipeline(device.info.kind);
     pipeline.load(shapes::with_noise(shapes::waves(3000), 0.002));
-    Params params;
-    params.k = 8;
-    params.normal_sigma = params.closeness_sigma = params.similarity_sigma = 0.05;
+    Params params{.k = 8, .normal_sigma = 0.05, .closeness_sigma = 0.05, .similarity_sigma = 0.05};
     const auto names = [&] {
       std::vector<Point> out(3000);
       pipeline.run(params, out);

@@ -25,11 +25,8 @@ using reference::Vec;
 using shapes::Points, shapes::same_bits;
 
 Params implicit(ImplicitWeights weights, double lambda, Connectivity connectivity) {
-  Params params;
-  params.method = Method::implicit;
-  params.implicit_weights = weights;
-  params.implicit_lambda = lambda;
-  params.connectivity = connectivity;
+  Params params{
+      .connectivity = connectivity, .method = Method::implicit, .implicit_weights = weights, .implicit_lambda = lambda};
   if (connectivity == Connectivity::mesh) params.tangential = 0;
   return params;
 }
@@ -37,20 +34,16 @@ Params implicit(ImplicitWeights weights, double lambda, Connectivity connectivit
 // A sheet of waves with noise, and a closed one: a cube's surface blown up to a ball.
 Mesh hill(int n, Sides sides, double noise = 0.1) {
   Mesh mesh = meshes::sheet(n, sides);
-  shapes::Random random(5);
-  for (Point& p : mesh.points) {
-    p.z = 0.2f * std::sin(5 * p.x) * p.y;
-    for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
-  }
+  const auto height = [](float x, float y) { return 0.2f * std::sin(5 * x) * y; };
+  mesh.points = shapes::with_noise(shapes::lifted(mesh.points, height), noise / n, 5);
   return mesh;
 }
 
 Mesh ball(int n, double radius, double noise) {
   Mesh mesh;
   for (int side = 0; side < 6; ++side) {
-    const Mesh part = meshes::sheet(n, Sides::triangles);
-    const auto first = std::uint32_t(mesh.points.size());
-    for (const Point& p : part.points) {
+    Mesh part = meshes::sheet(n, Sides::triangles);
+    for (Point& p : part.points) {
       const double u = std::tan((2 * p.x - 1) * 0.785398), v = std::tan((2 * p.y - 1) * 0.785398);
       double c[3];
       c[side % 3] = side < 3 ? 1 : -1;
@@ -59,12 +52,9 @@ Mesh ball(int n, double radius, double noise) {
       const double length = std::sqrt(c[0] * c[0] + c[1] * c[1] + c[2] * c[2]);
       // rounded, so that corners of neighbouring sides are at one place
       const auto rounded = [&](double x) { return std::round(radius * x / length * 65536) / 65536; };
-      mesh.points.push_back(shapes::make_point(rounded(c[0]), rounded(c[1]), rounded(c[2])));
+      p = shapes::make_point(rounded(c[0]), rounded(c[1]), rounded(c[2]));
     }
-    for (meshes::Face face : part.faces) {
-      for (std::uint32_t& corner : face) corner += first;
-      mesh.faces.push_back(face);
-    }
+    mesh = meshes::joined(mesh, part);
   }
   for (Point& p : mesh.points) {  // by place, so that they stay at one
     const double turn = 12.9898 * p.x + 78.233 * p.y + 37.719 * p.z;
@@ -94,7 +84,7 @@ struct System {
 };
 
 double length_between(const Points& points, std::size_t i, std::size_t j) {
-  return reference::length(reference::to_vec(points[i]) - reference::to_vec(points[j]));
+  return shapes::distance(points[i], points[j]);
 }
 
 double mean_length(const System& system, const Points& points) {
@@ -229,14 +219,7 @@ TEST(Implicit, on_a_cloud_an_edge_weighs_alike_from_both_ends) {
 TEST(Implicit, threads_and_the_order_of_points_and_faces_change_no_bit) {
   const Mesh mesh = hill(70, Sides::mixed);  // more than one block of a sum
   const auto order = shapes::shuffle_order(mesh.points.size(), 9);
-  Mesh shuffled{shapes::permuted(mesh.points, order), mesh.faces};
-  std::vector<std::uint32_t> now(order.size());
-  for (std::uint32_t i = 0; i < order.size(); ++i) now[order[i]] = i;
-  for (meshes::Face& face : shuffled.faces) {
-    for (std::uint32_t& corner : face) corner = now[corner];
-    std::rotate(face.begin(), face.begin() + 1, face.end());
-  }
-  std::reverse(shuffled.faces.begin(), shuffled.faces.end());
+  const Mesh shuffled = meshes::shuffled(mesh, order);
   for (const auto connectivity : {Connectivity::mesh, Connectivity::points})
     for (const auto by : {ImplicitWeights::uniform, ImplicitWeights::scale, ImplicitWeights::curvature}) {
       Params params = implicit(by, 5, connectivity);

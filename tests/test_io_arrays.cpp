@@ -71,13 +71,6 @@ std::string npy(const std::string& type, const std::string& shape, const std::st
   return bytes + header + data;
 }
 
-std::string refusal(const std::string& bytes, const std::string& name, std::optional<Format> format = {}) {
-  const Thrown thrown = thrown_by([&] { parse(bytes, name, format); });
-  EXPECT_EQ(thrown.kind, ErrorKind::file);
-  EXPECT_EQ(thrown.message.find('\n'), std::string::npos);
-  return thrown.message;
-}
-
 void expect_prefixes_refused(const std::string& bytes, const std::string& name, Format format) {
   for (std::size_t size = 1; size < bytes.size(); ++size) refusal(bytes.substr(0, size), name, format);
 }
@@ -223,9 +216,7 @@ TEST(Npy, UntouchedFilesComeBackAndMovedPointsAreMoved) {
 }
 
 TEST(Npy, OtherCloudsAndAddedAttributesBecomeRecords) {
-  Cloud cloud;
-  cloud.points = {{1.5F, 2, 3}, {4, 5, 6}};
-  const std::string plain = image(cloud, Format::npy);
+  const std::string plain = image({.points = {{1.5F, 2, 3}, {4, 5, 6}}}, Format::npy);
   EXPECT_NE(plain.find("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }"), std::string::npos);
   EXPECT_EQ((plain.size() - 24) % 64, 0U);
   Cloud again = parse(plain, "a.npy");

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files as people and other programs write them.
+
 #include <cmath>
 
 #include "io/source.hpp"
-#include "io_cases.h"
-#include "io_files.h"
+#include "io_variants.h"
+#include "las_files.h"
 
 namespace pointfair::test {
 namespace {
@@ -20,7 +21,7 @@ std::string cut(const std::string& text) { return text.substr(0, 160); }
 }  // namespace
 
 TEST(FilesCases, EveryKindIsReadRight) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     const Cloud cloud = parse(given.bytes, given.name);
     // in a format of another family, so that the file is written anew
@@ -33,7 +34,7 @@ TEST(FilesCases, EveryKindIsReadRight) {
 }
 
 TEST(FilesCases, ACopyKeepsEveryByte) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     const Cloud cloud = parse(given.bytes, given.name);
     EXPECT_EQ(image(cloud, cloud.source->format()), given.bytes);
@@ -41,17 +42,28 @@ TEST(FilesCases, ACopyKeepsEveryByte) {
 }
 
 TEST(FilesCases, AMovedPointIsReadWhereItWent) {
-  for (const Given& given : all_given()) {
+  for (const Given& given : all_files()) {
     SCOPED_TRACE(given.name + ": " + cut(given.bytes));
     Cloud cloud = parse(given.bytes, given.name);
     Point& last = cloud.points.back();
     last.y += 0.5F;
     const Cloud again = parse(image(cloud, cloud.source->format()), given.name);
     ASSERT_EQ(again.points.size(), cloud.points.size());
-    EXPECT_EQ(again.origin[1] + again.points.back().y, cloud.origin[1] + last.y);
+    if (std::isfinite(last.y)) {
+      EXPECT_EQ(again.origin[1] + again.points.back().y, cloud.origin[1] + last.y);
+    }
     EXPECT_EQ(std::memcmp(&again.points.front(), &cloud.points.front(), sizeof(float)), 0);
     for (const AttributeInfo& info : attributes(cloud))
       EXPECT_EQ(attribute(again, info.name).data, attribute(cloud, info.name).data);
+  }
+}
+
+TEST(FilesCases, WhatIsLostIsTold) {
+  for (const Given& given : all_files()) {
+    if (given.lost.empty()) continue;
+    std::string notes;
+    for (const std::string& note : losses(parse(given.bytes, given.name), given.other)) notes += note + "\n";
+    EXPECT_NE(notes.find(given.lost), std::string::npos) << given.name << ": " << notes;
   }
 }
 
@@ -89,9 +101,7 @@ TEST(FilesCases, NoColumnIsAddedWhereLinesMightPassForRows) {
     EXPECT_EQ(image(cloud, Format::csv), text);
     cloud.added = {
         make_attribute<std::uint8_t>("n", ScalarType::uint8, std::vector<std::uint8_t>(cloud.points.size()))};
-    const Thrown thrown = thrown_by([&] { image(cloud, Format::csv); });
-    EXPECT_EQ(thrown.kind, ErrorKind::file);
-    EXPECT_NE(thrown.message.find("so no column is added"), std::string::npos) << thrown.message;
+    expect_error(ErrorKind::file, "so no column is added", [&] { image(cloud, Format::csv); });
   }
 }
 
@@ -105,12 +115,7 @@ TEST(FilesCases, NegativeZeroStays) {
 }
 
 TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
-  struct Bad {
-    std::string name, bytes, message;
-  };
   const Bad all[] = {
-      {"a.csv", std::string("\xFF\xFEx\0,\0", 6), "text in UTF-16; convert it to UTF-8"},
-      {"a.txt", std::string("\xFE\xFF\0x", 4), "text in UTF-16"},
       {"a.csv", "A,B,C\n1,2,3\n",
        "no column is called 'x', there are 'A', 'B', 'C'; say what the columns are, as in --columns"},
       {"a.csv", "id,east,north\n1,2,3\n", "no column is called 'z', there are 'id', 'east', 'north'"},
@@ -134,39 +139,35 @@ TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
       {"a.csv", "x,y,z\n-,-,-\n4,5,6\n", "line 2: '-' is not a number"},
       {"a.txt", "0x1.8p0 2 3\n4 5 6\n", "line 1: '0x1.8p0' is not a number"},
   };
-  for (const Bad& bad : all) {
-    SCOPED_TRACE(cut(bad.bytes));
-    const Thrown thrown = thrown_by([&] { parse(bad.bytes, bad.name); });
-    EXPECT_EQ(thrown.kind, ErrorKind::file);
-    EXPECT_EQ(thrown.message.find(bad.name + ": "), 0U) << thrown.message;
-    EXPECT_NE(thrown.message.find(bad.message), std::string::npos) << thrown.message;
-  }
+  for (const Bad& bad : all) expect_refused(bad.bytes, bad.name, bad.message);
+}
+
+TEST(FilesCases, Utf16IsNamed) {
+  for (const std::string& front : {std::string("\xFF\xFE", 2), std::string("\xFE\xFF", 2)})
+    for (const char* name : {"a.csv", "a.ply", "a.obj", "a.asc", "a.txt"}) {
+      expect_refused(front + std::string("v\0 \0", 4), name, "is text in UTF-16; convert it to UTF-8");
+    }
 }
 
 TEST(FilesCases, OptionsSayWhatTheColumnsAre) {
   const auto read_with = [](const std::string& text, ReadOptions options, const std::string& name = "a.csv") {
     return read(std::as_bytes(std::span(text)), name, options);
   };
-  ReadOptions named;
-  named.columns = {"i", "y", "x", "z"};
+  ReadOptions named{.columns = {"i", "y", "x", "z"}};
   const Cloud cloud = read_with("A,B,C,D\n7,2,1,3\n", named);
   EXPECT_EQ(cloud.points[0].x, 1);
   EXPECT_EQ(values<std::uint8_t>(cloud, "i")[0], 7);
   EXPECT_EQ(image(cloud, Format::csv), "A,B,C,D\n7,2,1,3\n");
-  ReadOptions skipping;
-  skipping.skip_lines = 2;
+  ReadOptions skipping{.skip_lines = 2};
   const std::string text = "1 2 3\n4 5 6\n7 8 9\n";
   const Cloud skipped = read_with(text, skipping, "a.xyz");
   ASSERT_EQ(skipped.points.size(), 1U);
   EXPECT_EQ(skipped.points[0].x, 7);
   EXPECT_EQ(image(skipped, Format::xyz), text);
-  ReadOptions as_text;
-  as_text.format = Format::csv;
-  EXPECT_EQ(read_with("x,y,z\n1,2,3\n", as_text, "a.data").points.size(), 1U);
+  EXPECT_EQ(read_with("x,y,z\n1,2,3\n", {.format = Format::csv}, "a.data").points.size(), 1U);
   EXPECT_EQ(thrown_by([&] { read_with("v 1 2 3\n", skipping, "a.obj"); }).kind, ErrorKind::usage);
   named.columns = {"x", "y", "z", "i", "j"};
-  EXPECT_NE(thrown_by([&] { read_with("1,2,3\n", named); }).message.find("--columns names 5 columns"),
-            std::string::npos);
+  expect_error(ErrorKind::file, "--columns names 5 columns", [&] { read_with("1,2,3\n", named); });
 }
 
 TEST(FilesCases, IntegersKeepTheirDigitsInEveryEncoding) {
@@ -205,6 +206,16 @@ TEST(FilesCases, ColoursKeepTheirMeaning) {
   EXPECT_EQ(reds("13107,65535,0"), "51 255 0\n");
   EXPECT_EQ(reds("13107.0,65535.0,0"), "51 255 0\n");
   EXPECT_EQ(reds("51,255,0"), "51 255 0\n");
+}
+
+TEST(FilesCases, ColoursOfSixteenBitsBecomeBytesInPly) {
+  for (const unsigned format : {2U, 3U, 7U, 8U}) {
+    const Cloud las = parse(make_las({.minor = 4, .format = format, .count = 20}), "a.las"),
+                ply = parse(image(las, Format::ply));
+    const auto wide = values<std::uint16_t>(las, "green");
+    const auto bytes = values<std::uint8_t>(ply, "green");
+    for (std::size_t i = 0; i < wide.size(); ++i) EXPECT_EQ(bytes[i], (wide[i] + 128) / 257) << format;
+  }
 }
 
 }  // namespace pointfair::test

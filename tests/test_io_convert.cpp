@@ -48,18 +48,16 @@ TEST(FilesConvert, AttributesGoWhereverTheyHaveAPlace) {
     SCOPED_TRACE(name);
     Cloud there = parse(image(mesh, format, Encoding::ascii), name);
     const Cloud back = parse(image(there, Format::ply, Encoding::binary));
-    for (const char* channel : {"red", "green", "blue"}) {
+    for (const char* channel : {"red", "green", "blue"})
       EXPECT_EQ(values<std::uint8_t>(back, channel), values<std::uint8_t>(mesh, channel));
-    }
     EXPECT_EQ(values<std::int32_t>(back, "class"), values<std::int32_t>(mesh, "class"));
   }
   for (const Format format : {Format::off, Format::obj, Format::pcd}) {
     const std::string name = kNames[static_cast<std::size_t>(format)];
     SCOPED_TRACE(name);
     const Cloud back = parse(image(parse(image(mesh, format), name), Format::ply));
-    for (const char* channel : {"red", "green", "blue"}) {
+    for (const char* channel : {"red", "green", "blue"})
       EXPECT_EQ(values<std::uint8_t>(back, channel), values<std::uint8_t>(mesh, channel));
-    }
   }
 }
 
@@ -91,9 +89,8 @@ TEST(FilesConvert, FacesGoToEveryMeshFormat) {
 }
 
 TEST(FilesConvert, ACloudFromMemoryIsWrittenInFloatsOrWithAnOriginInDoubles) {
-  Cloud cloud;
-  cloud.points = {{1.5F, 2, 3}, {NAN, 5, 6}};
-  cloud.added = {make_attribute<float>("normal", ScalarType::float32, {0, 0, 1, 0, 1, 0}, 3)};
+  Cloud cloud{.points = {{1.5F, 2, 3}, {NAN, 5, 6}},
+              .added = {make_attribute<float>("normal", ScalarType::float32, {0, 0, 1, 0, 1, 0}, 3)}};
   const std::string header =
       "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\n"
       "property float z\nproperty float nx\nproperty float ny\nproperty float nz\nend_header\n";
@@ -108,9 +105,8 @@ TEST(FilesConvert, ACloudFromMemoryIsWrittenInFloatsOrWithAnOriginInDoubles) {
 TEST(FilesConvert, MovedPointsAreMovedInEveryFormat) {
   Cloud mesh = colored_mesh();
   mesh.points[1].x = 2.75F;
-  for (std::size_t to = 0; to < std::size(kFormats); ++to) {
+  for (std::size_t to = 0; to < std::size(kFormats); ++to)
     expect_points(parse(image(mesh, kFormats[to]), kNames[to]), mesh);
-  }
 }
 
 }  // namespace pointfair::test

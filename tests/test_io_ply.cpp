@@ -67,9 +67,8 @@ std::string encode(const std::vector<Element>& elements, Encoding encoding) {
     for (const auto& row : element.rows) {
       for (std::size_t p = 0; p < row.size(); ++p) {
         const Property& property = element.properties[p];
-        if (property.count_type >= 0) {
+        if (property.count_type >= 0)
           encode(static_cast<double>(row[p].size()), static_cast<std::size_t>(property.count_type), encoding, bytes);
-        }
         for (const double value : row[p]) encode(value, property.type, encoding, bytes);
       }
       if (encoding == Encoding::ascii) bytes.back() = '\n';

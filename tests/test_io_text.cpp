@@ -40,9 +40,8 @@ TEST(FilesText, NumbersAreReadAsWritten) {
     EXPECT_EQ(*io::to_number(word), value) << word;
   }
   EXPECT_TRUE(std::isnan(*io::to_number("nan")));
-  for (const char* word : {"", "+", "-", "1x", "0x10", "1,5", "one", "1e", "+-1", "--1", "."}) {
+  for (const char* word : {"", "+", "-", "1x", "0x10", "1,5", "one", "1e", "+-1", "--1", "."})
     EXPECT_FALSE(io::to_number(word)) << word;
-  }
 }
 
 TEST(FilesText, AMovedNumberLosesNoDigit) {
@@ -202,8 +201,7 @@ void expect_three_times(const std::vector<NamedBytes>& files, std::size_t points
     ::malloc_trim(0);  // what earlier clouds left would hide what this one takes
     if (!(std::ofstream("/proc/self/clear_refs") << 5 << std::flush)) GTEST_SKIP() << "the peak cannot be reset";
     const std::size_t before = memory_status("VmRSS:");
-    ReadOptions options;
-    options.threads = kThreads;
+    ReadOptions options{.threads = kThreads};
     tbb::task_arena(kThreads).execute([&] {
       const Cloud cloud = read(folder / name, options);
       for (const AttributeInfo& info : attributes(cloud)) attribute(cloud, info.name);
@@ -343,9 +341,7 @@ TEST(FilesText, CornersOfAFaceMayBeWrittenInManyWays) {
   EXPECT_EQ(corners("f\n"), Corners{});
   for (const std::string word :
        {"0", "-0", "4", "-4", "1x", "+1", "1/x", "/1", "1.5", "99999999999999999999", "\"\"x", "1\\2"}) {
-    const Thrown thrown = thrown_by([&] { corners("f 1 " + word + " 3\n"); });
-    EXPECT_EQ(thrown.kind, ErrorKind::file) << word;
-    EXPECT_NE(thrown.message.find("line 6: "), std::string::npos) << thrown.message;
+    expect_error(ErrorKind::file, "line 6: ", [&] { corners("f 1 " + word + " 3\n"); });
   }
 }
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // LAZ files against LASzip: what it reads from our files, and what we read from its.
-#include <cmath>
 
 #include "io/las/fields.hpp"
 #include "io/las/layers.hpp"
@@ -53,9 +52,8 @@ std::vector<las::LayeredChunk> layered_chunks(const std::string& laz) {
   const las::Header header = las::parse_header(laz, "test");
   const las::Compression compression = las::read_compression(header, "test");
   std::vector<las::LayeredChunk> result;
-  for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks) {
+  for (const las::Chunk& chunk : las::read_chunk_table(laz, header, compression, "test").chunks)
     result.push_back(las::split_layers(chunk.bytes, header.record_length, compression.layers(), chunk.points).value());
-  }
   return result;
 }
 
@@ -78,9 +76,8 @@ TEST(LazFiles, CoordinatesAndAttributesAreThoseOfTheUncompressedFile) {
     const Cloud plain = parse(las, "a.las"), packed = parse(make_laz(las, c.laz), "a.laz");
     ASSERT_EQ(plain.points.size(), packed.points.size());
     EXPECT_EQ(std::memcmp(plain.points.data(), packed.points.data(), plain.points.size() * sizeof(Point)), 0);
-    for (const AttributeInfo& info : attributes(plain)) {
+    for (const AttributeInfo& info : attributes(plain))
       EXPECT_EQ(attribute(plain, info.name).data, attribute(packed, info.name).data) << info.name;
-    }
   }
 }
 
@@ -97,9 +94,8 @@ TEST(LazFiles, AfterAMoveLaszipReadsTheRecordsOfTheUncompressedFile) {
     // the header: what changes are the bounds, and the places of what stands behind the points
     std::string wanted = laz.substr(0, las_points_begin(laz));
     wanted.replace(179, 48, plain_after, 179, 48);
-    for (const std::size_t at : {227U, 235U}) {
+    for (const std::size_t at : {227U, 235U})
       if (c.las.minor >= 4) wanted.replace(at, 8, after, at, 8);
-    }
     EXPECT_TRUE(after.substr(0, wanted.size()) == wanted);
     if (c.las.minor >= 4 && c.las.extended) {
       const auto begin = las_get<std::uint64_t>(after, 235);
@@ -219,14 +215,14 @@ TEST(LazFiles, PointsAreCodedAsLaszipCodesThem) {
   for (unsigned format = 0; format <= 10; ++format) {
     for (const bool wild : {false, true}) {
       for (unsigned seed = 1; seed <= 4; ++seed) {
-        LasSpec spec;
-        spec.format = format;
-        spec.minor = format >= 6 ? 4 : format >= 4 ? 3 : 2;
-        spec.extended = false;
-        spec.count = seed == 4 ? 1 : 4000;
-        spec.wild = wild;
-        spec.plain_extra = seed == 3 ? 5 : 0;
-        spec.seed = seed;
+        const unsigned minor = format >= 6 ? 4 : format >= 4 ? 3 : 2;
+        LasSpec spec{.minor = minor,
+                     .format = format,
+                     .count = seed == 4 ? 1U : 4000U,
+                     .extended = false,
+                     .plain_extra = seed == 3 ? 5U : 0U,
+                     .wild = wild,
+                     .seed = seed};
         const std::string las = make_las(spec), laz = make_laz(las, {0, io::las::kUsualChunk, false});
         const std::string ours = image(parse(las, "a.las"), Format::laz);
         EXPECT_TRUE(ours.substr(las_points_begin(ours)) == laz.substr(las_points_begin(laz))) << format << wild << seed;
@@ -240,13 +236,12 @@ TEST(LazFiles, PointsAreCodedAsLaszipCodesThem) {
 TEST(LazFiles, PointsInOtherVersionsAreCodedAsLaszipCodesThem) {
   for (unsigned format = 0; format <= 10; ++format) {
     for (const bool wild : {false, true}) {
-      LasSpec spec;
-      spec.format = format;
-      spec.minor = format >= 6 ? 4 : 3;
-      spec.extended = false;
-      spec.count = 3000;
-      spec.plain_extra = 3;
-      spec.wild = wild;
+      LasSpec spec{.minor = format >= 6 ? 4U : 3U,
+                   .format = format,
+                   .count = 3000,
+                   .extended = false,
+                   .plain_extra = 3,
+                   .wild = wild};
       const std::string las = make_las(spec), laz = make_laz(las, {format < 6 ? 1U : 4U, 700, false});
       Cloud cloud = parse(laz, "a.laz");
       const std::vector<float> marks(spec.count, 1);
@@ -263,9 +258,7 @@ TEST(LazFiles, PointsInOtherVersionsAreCodedAsLaszipCodesThem) {
 }
 
 TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
-  LasSpec spec;
-  spec.format = 6;
-  spec.minor = 4;
+  LasSpec spec{.minor = 4, .format = 6};
   std::string las = make_las(spec);
   const std::size_t begin = las_points_begin(las), length = las_record_length(las);
   for (std::size_t i = 0; i < spec.count; ++i) las_put(las, begin + i * length + 22, i % 2 == 0 ? 0.0 : -0.0);
@@ -274,9 +267,7 @@ TEST(LazFiles, TheSignOfATimeOfZeroIsKept) {
 
 TEST(LazFiles, TheTableOfChunksIsAsLaszipWritesIt) {
   for (const std::uint32_t points : {40U, 0U}) {
-    LasSpec spec;
-    spec.count = 5000;
-    const std::string laz = make_laz(make_las(spec), {0, points, false});
+    const std::string laz = make_laz(make_las({.count = 5000}), {0, points, false});
     const las::Header header = las::parse_header(laz, "test");
     const las::Compression compression = las::read_compression(header, "test");
     const las::ChunkTable table = las::read_chunk_table(laz, header, compression, "test");
@@ -322,10 +313,9 @@ TEST(LazFiles, APlyFileBecomesLaz) {
   std::string ply =
       "ply\nformat ascii 1.0\nelement vertex 120000\nproperty float x\nproperty float y\nproperty float z\n"
       "property uchar red\nproperty uchar green\nproperty uchar blue\nproperty double gps_time\nend_header\n";
-  for (int i = 0; i < 120000; ++i) {
+  for (int i = 0; i < 120000; ++i)
     ply += std::to_string(i % 300) + " " + std::to_string(i / 300) + " " + std::to_string(i % 7) + ".5 1 2 3 " +
            std::to_string(i) + "\n";
-  }
   const Cloud cloud = parse(ply);
   const std::string laz = image(cloud, Format::laz), las = image(cloud, Format::las);
   EXPECT_TRUE(laz_records(laz) == records_of(las));
@@ -333,8 +323,7 @@ TEST(LazFiles, APlyFileBecomesLaz) {
 }
 
 TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
-  LasSpec spec;
-  spec.count = 20000;
+  LasSpec spec{.count = 20000};
   for (const unsigned format : {1U, 6U}) {
     spec.format = format;
     spec.minor = 4;
@@ -345,10 +334,7 @@ TEST(LazFiles, ManyThreadsWriteWhatOneWrites) {
     const Folder folder;
     std::vector<std::string> written;
     for (const unsigned threads : {1U, 7U}) {
-      WriteOptions options;
-      options.threads = threads;
-      options.overwrite = true;
-      write(folder / "a.laz", cloud, options);
+      write(folder / "a.laz", cloud, {.overwrite = true, .threads = threads});
       written.push_back(file_bytes(folder / "a.laz"));
     }
     EXPECT_TRUE(written[0] == written[1]);

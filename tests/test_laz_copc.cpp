@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <map>
 #include <set>
 
 #include "io_files.h"
@@ -65,12 +64,7 @@ Copc read_copc(const std::string& file) {
 
 // Ground with trees: enough points for several levels.
 std::string survey(unsigned format, std::uint32_t count) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = format;
-  spec.count = count;
-  spec.plain_extra = 3;
-  std::string las = make_las(spec);
+  std::string las = make_las({.minor = 4, .format = format, .count = count, .plain_extra = 3});
   std::mt19937 random(5);
   const std::size_t begin = las_points_begin(las), length = las_record_length(las);
   for (std::uint32_t i = 0; i < count; ++i) {
@@ -129,6 +123,7 @@ TEST(Copc, EveryPointIsOnceInANodeAroundItAndSpacingHalves) {
   for (std::size_t i = 0; i < 60000; ++i) before.insert(las.substr(begin + i * length, length));
   EXPECT_EQ(before, after);
   EXPECT_EQ(parse(file, "a.copc.laz").points.size(), 60000U);
+  EXPECT_EQ(parse(file, "a.copc.laz", Format::copc).points.size(), 60000U);
 }
 
 TEST(Copc, AQueryFindsWhatBruteForceDoes) {
@@ -162,11 +157,7 @@ TEST(Copc, AQueryFindsWhatBruteForceDoes) {
 TEST(Copc, OlderPointsKeepEveryAttribute) {
   for (const unsigned format : {0U, 1U, 2U, 3U, 8U}) {
     SCOPED_TRACE(format);
-    LasSpec spec;
-    spec.minor = format == 8 ? 4 : 2;
-    spec.format = format;
-    spec.count = 500;
-    spec.described = true;
+    LasSpec spec{.minor = format == 8 ? 4U : 2U, .format = format, .count = 500, .described = true};
     const Cloud before = parse(make_las(spec), "a.las");
     const std::string file = as_copc(make_las(spec));
     const Copc copc = read_copc(file);
@@ -194,11 +185,7 @@ TEST(Copc, OlderPointsKeepEveryAttribute) {
 }
 
 TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 6;
-  spec.count = 300;
-  const std::string las = make_las(spec), file = as_copc(las);
+  const std::string las = make_las({.minor = 4, .format = 6, .count = 300}), file = as_copc(las);
   EXPECT_EQ(las_get<std::uint32_t>(file, 243), 3U);  // the hierarchy, and two of the file's own
   EXPECT_NE(file.find("made by the tests"), std::string::npos);
   EXPECT_EQ(las_get<std::uint64_t>(file, 247), 300U);
@@ -217,8 +204,7 @@ TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
 }
 
 TEST(Copc, CloudsOfOtherFormatsAndOnesThatAreSmallOrFlat) {
-  Cloud cloud;
-  cloud.points = {{1, 2, 3}};
+  Cloud cloud{.points = {{1, 2, 3}}};
   expect_octree(read_copc(image(cloud, Format::copc)));
   for (int i = 0; i < 9000; ++i) cloud.points.push_back({float(i % 90), float(i / 90), 3});
   cloud.points.insert(cloud.points.end(), 12000, Point{4, 5, 6});  // many at one place
@@ -232,9 +218,7 @@ TEST(Copc, CloudsOfOtherFormatsAndOnesThatAreSmallOrFlat) {
 }
 
 TEST(Copc, WavePacketsAreRefusedBeforeARun) {
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 9;
+  LasSpec spec{.minor = 4, .format = 9};
   const Folder folder;
   const Cloud cloud = parse(make_las(spec), "a.las");
   EXPECT_EQ(thrown_by([&] { check_write(folder / "a.copc.laz", cloud); }).kind, ErrorKind::usage);

@@ -7,12 +7,7 @@ namespace pointfair::test {
 namespace {
 
 std::string old_las(unsigned format, std::uint32_t count = 300) {
-  LasSpec spec;
-  spec.minor = format < 4 ? 2 : 3;
-  spec.format = format;
-  spec.count = count;
-  spec.plain_extra = format % 2 * 2;
-  return make_las(spec);
+  return make_las({.minor = format < 4 ? 2U : 3U, .format = format, .count = count, .plain_extra = format % 2 * 2});
 }
 
 std::string pointwise(const std::string& las, unsigned version = 0) {
@@ -78,10 +73,7 @@ TEST(LazPointwise, PrefixesAreReadOrRefusedInOneLine) {
 
 TEST(Las15, IsReadAndWrittenBack) {
   for (const unsigned format : {6U, 7U, 8U, 10U}) {
-    LasSpec spec;
-    spec.minor = 4;
-    spec.format = format;
-    const std::string las = as_1_5(make_las(spec));
+    const std::string las = as_1_5(make_las({.minor = 4, .format = format}));
     Cloud cloud = parse(las, "a.las");
     EXPECT_EQ(cloud.points.size(), 100U);
     EXPECT_EQ(image(cloud, Format::las), las);
@@ -90,10 +82,7 @@ TEST(Las15, IsReadAndWrittenBack) {
     EXPECT_EQ(laz_records(laz), records(las));
     EXPECT_EQ(image(parse(laz, "a.laz"), Format::laz), laz);
   }
-  LasSpec spec;
-  spec.minor = 4;
-  spec.format = 6;
-  std::string small = make_las(spec);
+  std::string small = make_las({.minor = 4, .format = 6});
   small[25] = 5;
   EXPECT_EQ(thrown_by([&] { parse(small, "a.las"); }).kind, ErrorKind::file);
 }

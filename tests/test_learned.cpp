@@ -30,7 +30,7 @@ Points learned(const Points& points, unsigned threads = 1, Params params = {}) {
 }
 Points classical(const Points& points) { return Ran(points, {}, 1).points; }
 
-double distance(const Point& a, const Point& b) { return std::hypot(a.x - b.x, a.y - b.y, a.z - b.z); }
+using shapes::distance;
 
 TEST(Learned, every_instruction_set_gives_the_bits_of_the_integer_reference) {
   const std::vector<learned_clouds::Golden> clouds = learned_clouds::golden_clouds();
@@ -64,10 +64,8 @@ TEST(Learned, no_point_leaves_the_default_run_by_more_than_one_noise) {
   Pipeline pipeline(Device(Device::cpu));
   for (const Points& points :
        {shapes::with_noise(shapes::cube(6000), 0.02), shapes::with_noise(shapes::uneven(6000, 1000), 0.01)}) {
-    Points before(points.size());
+    const Points before = result_of(pipeline, points, params);
     std::vector<float> noise(points.size());
-    pipeline.load(points);
-    pipeline.run(params, before);
     pipeline.noise(noise);
     const Points after = learned(points, 1, params);
     double farthest = 0;
@@ -80,9 +78,7 @@ TEST(Learned, no_point_leaves_the_default_run_by_more_than_one_noise) {
 
 // Mean distance to the unit sphere.
 double left(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(std::hypot(p.x, p.y, p.z) - 1);
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return std::hypot(p.x, p.y, p.z) - 1; });
 }
 
 TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) {
@@ -156,9 +152,7 @@ TEST(Learned, points_without_a_surface_and_small_clouds_are_as_in_the_default_ru
 
 TEST(Learned, the_displacement_limit_holds_for_the_whole_way) {
   const Points points = shapes::with_noise(shapes::sphere(8000), 0.02);
-  Params params;
-  params.displacement_limit = 0.004;
-  const Points after = learned(points, 1, params);
+  const Points after = learned(points, 1, {.displacement_limit = 0.004});
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_LE(distance(points[i], after[i]), 0.004 * 1.0001);
 }
 
@@ -187,14 +181,10 @@ TEST(Learned, weights_that_do_not_fit_give_one_clear_line) {
 
 TEST(Learned, a_given_file_takes_the_place_of_the_own_weights) {
   const Points points = shapes::with_noise(shapes::sphere(3000), 0.02);
-  Params params;
-  params.method = Method::learned;
+  Params params{.method = Method::learned};
   Pipeline pipeline(Device(Device::cpu));
   pipeline.set_weights(bytes_of(kWeightsFile), "own");
-  pipeline.load(points);
-  Points result(points.size());
-  pipeline.run(params, result);
-  EXPECT_TRUE(same_bits(result, learned(points)));
+  EXPECT_TRUE(same_bits(result_of(pipeline, points, params), learned(points)));
   EXPECT_EQ(pipeline.report().params.method, Method::learned);
 }
 

@@ -2,7 +2,6 @@
 // Where and how far points may move.
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 
@@ -59,9 +58,8 @@ TEST(Limits, UnsoundTextsAreRefused) {
 }
 
 TEST(Limits, ABoxIsInFileCoordinatesAndHoldsItsFaces) {
-  Cloud cloud;
-  cloud.origin = {500000, 0, 0};
-  cloud.points = {{0, 0, 0}, {1, 0, 0}, {1.0001f, 0, 0}, {0.5f, 0.5f, 0.5f}, {0.5f, 0.5f, -0.5f}};
+  Cloud cloud{.origin = {500000, 0, 0},
+              .points = {{0, 0, 0}, {1, 0, 0}, {1.0001f, 0, 0}, {0.5f, 0.5f, 0.5f}, {0.5f, 0.5f, -0.5f}}};
   cloud.points.push_back({std::numeric_limits<float>::quiet_NaN(), 0, 0});
   EXPECT_EQ(movable_points(limits_of("box", "500000,0,0,500001,1,1"), cloud),
             (std::vector<std::uint8_t>{1, 1, 0, 1, 0, 0}));
@@ -71,17 +69,17 @@ TEST(Limits, ABoxIsInFileCoordinatesAndHoldsItsFaces) {
 // A camera at z = 5 that looks down: x / w and y / w with w = 5 - z.
 TEST(Limits, ALassoSeesThroughItsCamera) {
   const Limits limits = limits_of("lasso", "1,0,0,0,0,1,0,0,0,0,-1,5:-0.1,-0.1,0.1,-0.1,0.1,0.1,-0.1,0.1");
-  Cloud cloud;
-  cloud.points = {{0, 0, 0}, {0.4f, 0, 0}, {0.6f, 0, 0}, {0.4f, 0, 2}, {0, 0, 6}, {0, 0, 5}};
-  EXPECT_EQ(movable_points(limits, cloud), (std::vector<std::uint8_t>{1, 1, 0, 0, 0, 0}));
+  EXPECT_EQ(
+      movable_points(limits, {.points = {{0, 0, 0}, {0.4f, 0, 0}, {0.6f, 0, 0}, {0.4f, 0, 2}, {0, 0, 6}, {0, 0, 5}}}),
+      (std::vector<std::uint8_t>{1, 1, 0, 0, 0, 0}));
 }
 
 TEST(Limits, AHollowPolygonIsEvenOdd) {
   // a U: the notch between x = -0.5 and 0.5 above y = 0 is outside
   const Limits limits = limits_of("lasso", "1,0,0,0,0,1,0,0,0,0,0,1:-1,-1,1,-1,1,1,0.5,1,0.5,0,-0.5,0,-0.5,1,-1,1");
-  Cloud cloud;
-  cloud.points = {{0, -0.5f, 0}, {0, 0.5f, 0}, {0.75f, 0.5f, 0}, {-0.75f, 0.9f, 0}, {0, 1.5f, 0}};
-  EXPECT_EQ(movable_points(limits, cloud), (std::vector<std::uint8_t>{1, 0, 1, 1, 0}));
+  EXPECT_EQ(movable_points(
+                limits, {.points = {{0, -0.5f, 0}, {0, 0.5f, 0}, {0.75f, 0.5f, 0}, {-0.75f, 0.9f, 0}, {0, 1.5f, 0}}}),
+            (std::vector<std::uint8_t>{1, 0, 1, 1, 0}));
 }
 
 TEST(Limits, OutsideKeepsItsBitsAndStrengthGoesPartOfTheWay) {
@@ -101,8 +99,7 @@ TEST(Limits, OutsideKeepsItsBitsAndStrengthGoesPartOfTheWay) {
 
 // A wavy sheet whose points have the classes 2, 6 and 7 in turn.
 Cloud classified() {
-  Cloud cloud;
-  cloud.points = shapes::with_noise(shapes::waves(900), 0.01);
+  Cloud cloud{.points = shapes::with_noise(shapes::waves(900), 0.01)};
   Attribute& classes = cloud.added.emplace_back();
   classes.name = "classification";
   classes.type = ScalarType::uint8;
@@ -147,9 +144,8 @@ TEST(Limits, IgnoredPointsKeepTheirPlaceAndAreNobodysNeighbours) {
   Cloud denoised = pipeline.run();
   apply_limits(limits, cloud, denoised);
   Cloud others;
-  for (std::size_t i = 0; i < cloud.points.size(); ++i) {
+  for (std::size_t i = 0; i < cloud.points.size(); ++i)
     if (i % 3 != 2) others.points.push_back(cloud.points[i]);
-  }
   pipeline.load(others);
   others = pipeline.run();
   std::size_t next = 0;

@@ -65,10 +65,7 @@ void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std
     ample.normals(expected);
     EXPECT_EQ(difference(expected, out), "");
   }
-  const Points few = cloud(1000);
-  tight.load(few);
-  Points out(few.size());
-  tight.run(params, out);
+  result_of(tight, cloud(1000), params);
   EXPECT_EQ(tight.report().tiles, 1u) << "a cloud that fits";
 }
 
@@ -111,17 +108,7 @@ TEST(LittleMemory, without_workers_is_an_error_and_the_next_cloud_is_sound) {
   expect_error(ErrorKind::usage, "", [&] { pipeline.run({}, out); });  // no cloud is loaded
   EXPECT_EQ(pipeline.run().points.size(), 0u);
   EXPECT_EQ(pipeline.estimates().points, 0u) << "of the cloud that was lost";
-  out.resize(few.size());
-  for (const Points& next : {few, points}) {
-    Pipeline fresh(Device::cpu);
-    Points expected(next.size());
-    fresh.load(next);
-    fresh.run({}, expected);
-    pipeline.load(next);
-    out.resize(next.size());
-    pipeline.run({}, out);
-    EXPECT_EQ(difference(out, expected), "");
-  }
+  for (const Points& next : {few, points}) EXPECT_EQ(difference(result_of(pipeline, next), Ran(next).points), "");
 }
 
 }  // namespace

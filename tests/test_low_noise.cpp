@@ -24,17 +24,11 @@ double wave(double t) {
 }
 double height(double x, double y) { return 0.006 * wave(x) * wave(y); }
 
-Points hills() {
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(height(p.x, p.y));
-  return points;
-}
+Points hills() { return shapes::lifted(shapes::plane(kPoints), height); }
 
 // Slopes are 0.24 at most, so heights are distances within 3 %.
 double mean_distance(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(p.z - height(p.x, p.y));
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return p.z - height(p.x, p.y); });
 }
 
 double left_by_a_run(const Points& points) { return mean_distance(Ran(points).points); }
@@ -43,15 +37,11 @@ double left_by_a_run(const Points& points) { return mean_distance(Ran(points).po
 double roof(double x) { return -std::abs(x - 0.5); }
 
 Points roofs() {
-  Points clean = shapes::plane(kPoints);
-  for (Point& p : clean) p.z = float(roof(p.x));
-  return clean;
+  return shapes::lifted(shapes::plane(kPoints), [](double x, double) { return roof(x); });
 }
 
 double mean_over_the_roof(const Points& points) {
-  double sum = 0;
-  for (const Point& p : points) sum += std::abs(p.z - roof(p.x)) / std::sqrt(2.0);
-  return sum / double(points.size());
+  return shapes::mean_error(points, [](Point p) { return (p.z - roof(p.x)) / std::sqrt(2.0); });
 }
 
 // Root mean square of the distances to the roof, of the points that lay within three spacings of its crest.

@@ -16,16 +16,10 @@ namespace {
 using reference::distance, reference::rms;
 using shapes::Points;
 
-Params one_iteration(int k) {
-  Params params;
-  params.k = k;
-  params.iterations = 1;
-  return params;
-}
+Params one_iteration(int k) { return {.k = k, .iterations = 1}; }
 
 std::vector<Params> all_kinds() {
-  Params by_radius;
-  by_radius.radius = Length(3, Length::Unit::spacing);
+  Params by_radius{.radius = Length(3, Length::Unit::spacing)};
   return {Params{}, paper_preset(), one_iteration(16), by_radius};
 }
 

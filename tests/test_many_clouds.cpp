@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
-#include <limits>
 
 #include "many_shapes.h"
 #include "pointfair/pointfair.hpp"
@@ -14,14 +13,7 @@ namespace {
 
 using shapes::Clouds;
 
-Params given(int k) {
-  Params params;
-  params.k = k;
-  params.normal_sigma = 0.2;
-  params.closeness_sigma = 0.1;
-  params.similarity_sigma = 0.03;
-  return params;
-}
+Params given(int k) { return {.k = k, .normal_sigma = 0.2, .closeness_sigma = 0.1, .similarity_sigma = 0.03}; }
 
 std::vector<Params> kinds_of_params() {
   std::vector<Params> kinds;
@@ -42,9 +34,7 @@ std::vector<Params> kinds_of_params() {
   kinds.back().outliers = Outliers::keep;
   kinds.back().outlier_distance = 0.05;
   kinds.back().displacement_limit = 0.02;
-  Params estimated;
-  estimated.k = 8;
-  kinds.push_back(estimated);
+  kinds.push_back({.k = 8});
   kinds.push_back(Params{});
   return kinds;
 }
@@ -75,10 +65,7 @@ TEST(ManyClouds, that_contradict_themselves_are_refused) {
 }
 
 TEST(CudaManyClouds, have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   const std::vector<Params> kinds = kinds_of_params();
   Pipeline pipeline(Device::cuda);
   EXPECT_TRUE(pipeline.runs_together(kinds[0]));
@@ -88,20 +75,14 @@ TEST(CudaManyClouds, have_the_bits_of_single_runs) {
 }
 
 TEST(CudaManyClouds, with_estimates_of_each_have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   expect_bits_of_single_runs(Device::cuda, shapes::clouds_with_estimates(),
                              slow_tools::some_of(shapes::params_with_estimates()));
 }
 
 // More than are measured together.
 TEST(CudaManyClouds, of_any_number_with_estimates_have_the_bits_of_the_cpu) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   Clouds clouds;
   for (int i = 0; i < int(slow_tools::most_points(600)); ++i)
     clouds.add(200 + i % 90, 1, 0, 0.002f * float(1 + i % 17));
@@ -113,10 +94,7 @@ TEST(CudaManyClouds, of_any_number_with_estimates_have_the_bits_of_the_cpu) {
 
 // More than go into one upload, each too small for a leaf.
 TEST(CudaManyClouds, of_any_number_have_the_bits_of_single_runs) {
-  std::string reason = "no card";
-  for (const DeviceStatus& status : list_devices())
-    if (status.info.kind == Device::cuda) reason = status.usable ? "" : status.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   Clouds clouds;
   for (int i = 0; i < int(slow_tools::most_points(5000)); ++i) clouds.add(20 + i % 60, 1, 0);
   std::vector<Point> result(clouds.points.size()), expected(clouds.points.size());

@@ -3,9 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
-#include <numeric>
 #include <string>
 #include <vector>
 
@@ -18,7 +16,6 @@ namespace pointfair {
 namespace {
 
 using meshes::along_mesh;
-using meshes::Face;
 using meshes::Mesh;
 using meshes::Result;
 using meshes::Sides;
@@ -27,11 +24,8 @@ using shapes::Points, shapes::same_bits;
 
 Mesh hill(int n, Sides sides, double noise = 0.15) {
   Mesh mesh = meshes::sheet(n, sides);
-  shapes::Random random(5);
-  for (Point& p : mesh.points) {
-    p.z = 0.2f * (p.x - 0.5f) * (p.y - 0.5f);
-    for (float* c : {&p.x, &p.y, &p.z}) *c += float(noise / n * random.normal());
-  }
+  const auto height = [](float x, float y) { return 0.2f * (x - 0.5f) * (y - 0.5f); };
+  mesh.points = shapes::with_noise(shapes::lifted(mesh.points, height), noise / n, 5);
   return mesh;
 }
 
@@ -96,12 +90,7 @@ TEST(Mesh, points_along_a_seam_move_as_one_and_as_in_the_welded_mesh) {
     params.similarity_sigma = 0.05;
     params.relaxation = 0.5;
     const Points whole = run(welded, params).points, parts = run(seams, params).points;
-    std::size_t at = 0;
-    for (const Face& face : welded.faces)
-      for (const std::uint32_t corner : face) {
-        ASSERT_EQ(std::memcmp(&whole[corner], &parts[at], sizeof(Point)), 0) << "point " << at;
-        ++at;
-      }
+    EXPECT_TRUE(same_bits(meshes::unwelded({whole, welded.faces}).points, parts)) << int(method);
   }
 }
 
@@ -166,8 +155,7 @@ TEST(Mesh, a_near_sheet_changes_nothing) {
   const Points expected = run(alone, params).points, both = run(meshes::joined(alone, upper), params).points;
   const auto most_off = [&](const Points& points) {
     double most = 0;
-    for (std::size_t i = 0; i < expected.size(); ++i)
-      most = std::max(most, reference::length(reference::to_vec(points[i]) - reference::to_vec(expected[i])));
+    for (std::size_t i = 0; i < expected.size(); ++i) most = std::max(most, shapes::distance(points[i], expected[i]));
     return most;
   };
   EXPECT_LT(most_off(both), 2e-6);
@@ -178,24 +166,13 @@ TEST(Mesh, a_near_sheet_changes_nothing) {
 
 TEST(Mesh, the_order_of_points_and_faces_their_first_corners_and_threads_change_no_bit) {
   const Mesh mesh = hill(25, Sides::mixed, 0.4);
-  Mesh shuffled = mesh;
-  shapes::Random random(3);
-  for (std::size_t i = shuffled.faces.size(); i > 1; --i)
-    std::swap(shuffled.faces[i - 1], shuffled.faces[random.below(i)]);
-  std::vector<std::uint32_t> to(mesh.points.size());
-  std::iota(to.begin(), to.end(), 0u);
-  for (std::size_t i = to.size(); i > 1; --i) std::swap(to[i - 1], to[random.below(i)]);
-  for (std::size_t i = 0; i < to.size(); ++i) shuffled.points[to[i]] = mesh.points[i];
-  for (Face& face : shuffled.faces) {
-    std::rotate(face.begin(), face.begin() + 1, face.end());
-    for (std::uint32_t& corner : face) corner = to[corner];
-  }
+  const auto order = shapes::shuffle_order(mesh.points.size(), 3);
+  const Mesh shuffled = meshes::shuffled(mesh, order);
   for (const Method method : {Method::bilateral, Method::taubin}) {
     Params params = along_mesh(method);
     params.tangential.reset();
     const Result one = run(mesh, params, 1), other = run(shuffled, params, 3);
-    for (std::size_t i = 0; i < to.size(); ++i)
-      ASSERT_EQ(std::memcmp(&one.points[i], &other.points[to[i]], sizeof(Point)), 0) << "point " << i;
+    EXPECT_TRUE(same_bits(shapes::permuted(one.points, order), other.points)) << int(method);
     EXPECT_EQ(one.report.mesh.folded_before, other.report.mesh.folded_before);
     EXPECT_EQ(one.report.mesh.folded_after, other.report.mesh.folded_after);
   }
@@ -256,9 +233,7 @@ TEST(Mesh, what_cannot_be_is_said_in_one_line) {
   Params with_k = along_mesh();
   with_k.k = 8;
   refused(mesh, with_k, "--rings");
-  Params without_mesh;
-  without_mesh.rings = 2;
-  refused(mesh, without_mesh, "--connectivity mesh");
+  refused(mesh, {.rings = 2}, "--connectivity mesh");
   Mesh without_faces = mesh;
   without_faces.faces.clear();
   refused(without_faces, along_mesh(), "needs faces");

@@ -196,37 +196,21 @@ TEST(Unfold, halves_steps_until_no_face_is_folded_that_was_not) {
 
 // As a whole.
 TEST(Mesh, faces_unfold_and_clean_meshes_stay) {
-  const auto run = [](const Mesh& mesh, Points& points) {
-    Pipeline pipeline(Device(Device::cpu, 0, 2));
-    pipeline.load(mesh.points);
-    pipeline.set_faces(meshes::polygons_of(mesh.faces));
-    Params params;
-    params.connectivity = Connectivity::mesh;
-    points.resize(mesh.points.size());
-    pipeline.run(params, points);
-    return pipeline.report().mesh;
-  };
-  Points points;
-  const MeshReport found = run(noisy(40, Sides::triangles, 0.45), points);
+  const Params params{.connectivity = Connectivity::mesh};
+  const MeshReport found = run(noisy(40, Sides::triangles, 0.45), params).report.mesh;
   EXPECT_GT(found.folded_before, 100u);
   EXPECT_LT(found.folded_after, found.folded_before / 10);
   const Mesh clean = meshes::sheet(40, Sides::triangles);
-  EXPECT_EQ(run(clean, points).folded_after, 0u);
-  for (std::uint32_t i = 0; i < points.size(); ++i)
-    ASSERT_LT((at(points, i) - at(clean.points, i)).norm(), 1e-4 / 40) << "point " << i;
+  const meshes::Result stays = run(clean, params);
+  EXPECT_EQ(stays.report.mesh.folded_after, 0u);
+  for (std::uint32_t i = 0; i < clean.points.size(); ++i)
+    ASSERT_LT((at(stays.points, i) - at(clean.points, i)).norm(), 1e-4 / 40) << "point " << i;
 }
 
 TEST(Mesh, where_the_method_moves_nothing_nothing_evens_out) {
   Mesh mesh = noisy(40, Sides::triangles, 0.2);
   for (Point& point : mesh.points) point.z = 0;
-  Pipeline pipeline(Device(Device::cpu, 0, 2));
-  pipeline.load(mesh.points);
-  pipeline.set_faces(meshes::polygons_of(mesh.faces));
-  Params params;
-  params.connectivity = Connectivity::mesh;
-  params.noise = 0.3 / 40;
-  Points points(mesh.points.size());
-  pipeline.run(params, points);
+  const Points points = run(mesh, {.noise = 0.3 / 40, .connectivity = Connectivity::mesh}).points;
   for (std::uint32_t i = 0; i < points.size(); ++i)
     ASSERT_LT((at(points, i) - at(mesh.points, i)).norm(), 1e-3 / 40) << "point " << i;
 }

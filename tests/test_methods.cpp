@@ -19,17 +19,12 @@ namespace pointfair {
 namespace {
 
 using reference::distance, reference::rms;
-using reference::Vec;
 using shapes::Points;
 
 constexpr Method kMethods[] = {Method::laplacian, Method::taubin, Method::hc_laplacian,
                                Method::mls,       Method::wiener, Method::mollified};
 
-Params with(Method method) {
-  Params params;
-  params.method = method;
-  return params;
-}
+Params with(Method method) { return {.method = method}; }
 
 double radial(Point p) { return reference::length(reference::to_vec(p)) - 1; }
 
@@ -75,9 +70,7 @@ class Methods : public testing::TestWithParam<Method> {
 };
 
 INSTANTIATE_TEST_SUITE_P(All, Methods, testing::ValuesIn(kMethods), [](const auto& method) {
-  Params params;
-  params.method = method.param;
-  std::string name = param_text(params, *find_param("method"));
+  std::string name = param_text({.method = method.param}, *find_param("method"));
   std::replace(name.begin(), name.end(), '-', '_');
   return name;
 });
@@ -208,9 +201,7 @@ TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
 
 // Volume lost by a sphere without noise, over the same neighbourhoods.
 double shrinkage(Method method) {
-  Params params = with(method);
-  params.k = 40;
-  params.iterations = 5;
+  Params params{.k = 40, .method = method, .iterations = 5};
   params.relaxation = method == Method::taubin ? 0.63 : 1;
   double sum = 0;
   const Points points = Ran(shapes::sphere(5000), params).points;
@@ -230,9 +221,7 @@ TEST(MovingLeastSquares, leaves_a_paraboloid_where_it_is_which_planes_do_not) {
   const auto height = [](Point p) { return 0.8 * (p.x - 0.5) * (p.x - 0.5) - 0.5 * (p.y - 0.5) * (p.x - 0.25); };
   for (Point& p : points) p.z = float(height(p));
   const auto error = [&](Point p) { return std::abs(p.z - height(p)); };
-  Params params = with(Method::mls);
-  params.k = 60;
-  params.iterations = 1;
+  Params params{.k = 60, .method = Method::mls, .iterations = 1};
   const double mls = rms(Ran(points, params).points, error);
   params.method = Method::wiener;
   params.similarity_sigma = 1;  // all is noise: projects onto planes
@@ -243,16 +232,10 @@ TEST(MovingLeastSquares, leaves_a_paraboloid_where_it_is_which_planes_do_not) {
 
 TEST(Wiener, keeps_heights_beyond_what_noise_explains) {
   const Points points = shapes::with_noise(shapes::cube(10000), 0.005);
-  Params params = with(Method::wiener);
-  params.iterations = 1;
-  params.relaxation = 1;
-  params.k = 40;
+  Params params{.k = 40, .method = Method::wiener, .relaxation = 1, .iterations = 1};
   const auto mean_move = [&](double noise) {
     params.similarity_sigma = noise;
-    const Points out = Ran(points, params).points;
-    double sum = 0;
-    for (std::size_t i = 0; i < out.size(); ++i) sum += distance(out[i], points[i]);
-    return sum / double(out.size());
+    return shapes::mean_distance(Ran(points, params).points, points);
   };
   const double all = mean_move(1);
   EXPECT_LT(mean_move(0.0005), 0.1 * all);
@@ -266,11 +249,7 @@ TEST(Mollified, keeps_an_edge_that_the_laplacian_rounds) {
     const double q[3] = {std::abs(p.x - 0.5), std::abs(p.y - 0.5), std::abs(p.z - 0.5)};
     return 0.5 - std::max({q[0], q[1], q[2]});
   };
-  Params params;
-  params.k = 40;
-  params.iterations = 1;
-  params.similarity_sigma = 0.005;
-  params.method = Method::laplacian;
+  Params params{.k = 40, .method = Method::laplacian, .similarity_sigma = 0.005, .iterations = 1};
   const double laplacian = rms(Ran(points, params).points, off_cube);
   params.method = Method::mollified;
   EXPECT_LT(rms(Ran(points, params).points, off_cube), 0.5 * laplacian);

@@ -83,11 +83,7 @@ TEST(NoiseLevels, follow_noise_that_is_forty_times_as_large_elsewhere) {
 // The loud one would do where there is no shape that it flattens.
 TEST(NoiseLevels, let_a_run_leave_less_than_the_noise_of_one_half_or_one_between) {
   const Points points = two_halves();
-  const auto left = [](const Points& of) {
-    double sum = 0;
-    for (const Point& p : of) sum += std::abs(p.z);
-    return sum / double(of.size());
-  };
+  const auto left = [](const Points& of) { return shapes::mean_error(of, [](Point p) { return p.z; }); };
   const double followed = left(Outcome(points).points);
   for (const double sigma : {kQuiet, std::sqrt(kQuiet * kLoud)}) {
     Params params;
@@ -123,10 +119,7 @@ TEST(NoiseLevels, of_the_same_noise_at_different_densities_are_next_to_one) {
 
 TEST(NoiseLevels, are_followed_by_what_is_automatic_only) {
   const Points points = two_halves();
-  Params params;
-  params.similarity_sigma = 0.01;
-  params.displacement_limit = 0.02;
-  params.outlier_distance = 0.1;
+  Params params{.similarity_sigma = 0.01, .outlier_distance = 0.1, .displacement_limit = 0.02};
   const Outcome outcome(points, params);
   EXPECT_TRUE(outcome.settings.levels);
   EXPECT_TRUE(outcome.settings.radius_follows);
@@ -157,12 +150,9 @@ TEST(NoiseLevels, are_told_as_quantiles) {
 
 // Heights of a fifth of the spacing, in waves of six spacings, which hardly a neighbourhood can follow.
 TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(0.2 * kSpacing * std::sin(p.x / kSpacing) * std::sin(p.y / kSpacing));
-  const Outcome outcome(points);
-  double moved = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) moved += std::abs(double(outcome.points[i].z) - points[i].z);
-  EXPECT_LT(moved / double(points.size()), 0.001 * kSpacing);
+  const auto wave = [](double x, double y) { return 0.2 * kSpacing * std::sin(x / kSpacing) * std::sin(y / kSpacing); };
+  const Points points = shapes::lifted(shapes::plane(kPoints), wave);
+  EXPECT_LT(shapes::mean_distance(Outcome(points).points, points), 0.001 * kSpacing);
 }
 
 // Inside, outside, on nodes and nowhere.

@@ -2,11 +2,9 @@
 // The noise at each point: as it is told (Pipeline::noise), and as it is given (Pipeline::set_noise).
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <numeric>
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"
@@ -137,8 +135,7 @@ TEST(NoiseOfPoints, takes_a_noise_that_is_given_for_that_of_a_typical_place) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   const Values values = told(pipeline, points.size());
-  Params params;
-  params.noise = 3 * pipeline.estimates().noise;
+  Params params{.noise = 3 * pipeline.estimates().noise};
   const Values more = told(pipeline, points.size(), params);
   params.noise = Length(50, Length::Unit::spacing);
   const Values most = told(pipeline, points.size(), params);

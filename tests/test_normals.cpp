@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Normals in files: found under their names, replaced in place, their sign kept or chosen.
-#include <cmath>
 
 #include "e57_files.h"
 #include "io_files.h"
@@ -63,9 +62,8 @@ TEST(Normals, ReplaceThoseOfTheFileAndKeepTheirSign) {
       parse(kPly + "property float nx\nproperty double ny\nproperty float nz\nproperty int id\nend_header\n" + rows);
   std::vector<Point> normals = up(3);
   normals[2] = {0, 0, 0};  // there is none
-  for (const auto encoding : {Encoding::ascii, Encoding::binary, Encoding::binary_big_endian}) {
+  for (const auto encoding : {Encoding::ascii, Encoding::binary, Encoding::binary_big_endian})
     EXPECT_EQ(written_z(cloud, Format::ply, "a.ply", normals, encoding), (std::vector<float>{1, -1, 0.5F}));
-  }
   EXPECT_EQ(written_z(parse(image(cloud, Format::ply, Encoding::binary)), Format::ply, "a.ply", normals),
             (std::vector<float>{1, -1, 0.5F}));
   EXPECT_EQ(written_z(cloud, Format::csv, "a.csv", normals), (std::vector<float>{1, -1, 0.5F}));

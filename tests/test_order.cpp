@@ -113,15 +113,10 @@ void expect_any_order(const Params& params) {
 
 TEST(Order, of_the_points_changes_no_bit_with_nothing_set) { expect_any_order({}); }
 
-TEST(Order, of_the_points_changes_no_bit_of_the_marks) {
-  Params params;
-  params.outliers = Outliers::mark;
-  expect_any_order(params);
-}
+TEST(Order, of_the_points_changes_no_bit_of_the_marks) { expect_any_order({.outliers = Outliers::mark}); }
 
 TEST(Order, marks_tell_the_same_reason_in_tiles_and_on_every_device) {
-  Params params;
-  params.outliers = Outliers::mark;
+  Params params{.outliers = Outliers::mark};
   std::uint8_t last_reason = 0;
   for (const Named& cloud : clouds()) {
     const auto all = places();
@@ -134,18 +129,12 @@ TEST(Order, marks_tell_the_same_reason_in_tiles_and_on_every_device) {
 }
 
 TEST(Order, of_the_points_changes_no_bit_over_lists) {
-  Params params;
-  params.k = 13;
-  params.iterations = 2;
-  expect_any_order(params);
+  expect_any_order({.k = 13, .iterations = 2});
   expect_any_order(paper_preset());
 }
 
 TEST(Order, of_the_points_changes_no_bit_where_neighbourhoods_are_thinned) {
-  Params params;
-  params.radius = 0.2;
-  params.min_neighbors = 8;
-  expect_any_order(params);
+  expect_any_order({.radius = 0.2, .min_neighbors = 8});
 }
 
 // Coordinates between 1 and 2 are multiples of 2^-23, and so are those moved by a quarter: neither the cloud nor its

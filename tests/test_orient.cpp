@@ -3,7 +3,6 @@
 // shape with signs at random.
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <numbers>
 #include <numeric>
 #include <random>
@@ -171,8 +170,7 @@ double share_right(const std::vector<Point>& found, const Shape& shape) {
 
 // The share of the normals of a run that look where the shape's do.
 double after_run(const Shape& shape, std::span<const Position> viewpoints = {}) {
-  Cloud cloud;
-  cloud.points = shape.points;
+  Cloud cloud{.points = shape.points};
   Pipeline pipeline(Device{Device::cpu});
   pipeline.load(cloud);
   cloud = pipeline.run();
@@ -237,8 +235,7 @@ TEST(Orient, GroundLooksUpAndEveryPartHasItsOwnSide) {
 
 TEST(Orient, NoOrderOfThePointsNoSignAndNoNumberOfThreadsMatters) {
   const Shape shape = noisy(torus(3, 0.5), 0.02);
-  Cloud cloud;
-  cloud.points = shape.points;
+  Cloud cloud{.points = shape.points};
   std::vector<Point> once = shape.normals;
   orient_normals(cloud, once);
   EXPECT_EQ(share_right(once, shape), 1);
@@ -260,8 +257,7 @@ TEST(Orient, NoOrderOfThePointsNoSignAndNoNumberOfThreadsMatters) {
 }
 
 TEST(Orient, PointsWithoutANormalAndFewPointsAreNoTrouble) {
-  Cloud cloud;
-  cloud.points = {{0, 0, 0}, {NAN, 0, 0}, {1, 0, 0}, {0, 0, 0}};
+  Cloud cloud{.points = {{0, 0, 0}, {NAN, 0, 0}, {1, 0, 0}, {0, 0, 0}}};
   std::vector<Point> normals = {{0, 0, -1}, {0, 0, 1}, {0, 0, 0}, {0, 0, 1}};
   orient_normals(cloud, normals);
   EXPECT_EQ(normals[0].z, 1);

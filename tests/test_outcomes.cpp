@@ -17,9 +17,7 @@ namespace {
 using shapes::Points;
 
 std::vector<std::pair<const char*, StageSettings>> several_settings() {
-  StageSettings listed;
-  listed.normals = {{0.02f}};
-  listed.fairing = {{0.02f, 0.01f}, Method::bilateral, AreaWeight::length};
+  StageSettings listed{.normals = {{0.02f}}, .fairing = {{0.02f, 0.01f}, Method::bilateral, AreaWeight::length}};
   StageSettings filtered = listed;
   filtered.normals.filter_rounds = 2;
   filtered.normals.crease_angle = 20;

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <numeric>
 
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
@@ -42,11 +41,7 @@ Lifted with_outliers(Points points) {
   return {std::move(points), std::move(is_lifted)};
 }
 
-Params with(Outliers outliers) {
-  Params params;
-  params.outliers = outliers;
-  return params;
-}
+Params with(Outliers outliers) { return {.outliers = outliers}; }
 
 bool same_bits(Point a, Point b) { return std::memcmp(&a, &b, sizeof a) == 0; }
 
@@ -72,8 +67,7 @@ TEST(Outliers, keep_their_bits_and_are_counted) {
 TEST(Outliers, are_kept_without_being_asked_for_within_radii_and_not_in_lists) {
   const Lifted cloud = with_outliers(noisy_plane());
   EXPECT_EQ(Ran(cloud.points, {}).report.params.outliers, Outliers::keep);
-  Params lists;
-  lists.k = 12;
+  Params lists{.k = 12};
   const Ran outcome(cloud.points, lists);
   EXPECT_EQ(outcome.report.params.outliers, Outliers::off);
   EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
@@ -101,8 +95,7 @@ TEST(Outliers, are_marked_and_no_other_point_is) {
 }
 
 TEST(Outliers, are_marked_in_an_attribute_of_a_free_name) {
-  Cloud cloud;
-  cloud.points = with_outliers(noisy_plane()).points;
+  Cloud cloud{.points = with_outliers(noisy_plane()).points};
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
   const Cloud once = pipeline.run(with(Outliers::mark));
@@ -155,8 +148,7 @@ TEST(Outliers, cost_the_other_points_no_more_than_a_tenth) {
 TEST(DisplacementLimit, holds_for_every_point) {
   const Lifted cloud = with_outliers(noisy_plane());
   for (const double limit : {0.5 * kSigma, 2 * kSigma, 10 * kSigma}) {
-    Params params = with(Outliers::keep);
-    params.displacement_limit = limit;
+    Params params{.outliers = Outliers::keep, .displacement_limit = limit};
     const Ran outcome(cloud.points, params);
     std::size_t at_limit = 0;
     for (std::size_t i = 0; i < cloud.points.size(); ++i) {
@@ -232,8 +224,7 @@ TEST(Outliers, are_recognised_where_they_are_each_others_neighbours) {
       EXPECT_FALSE(outcome.outliers[i]) << i;
   }
   EXPECT_GE(recognised, 190u);
-  Params any_width = with(Outliers::mark);
-  any_width.outlier_radius = 10;
+  Params any_width{.outliers = Outliers::mark, .outlier_radius = 10};
   EXPECT_LT(Ran(points, any_width).report.unmoved.outliers, 150u);
 }
 

@@ -11,6 +11,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/params.hpp"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -43,14 +44,10 @@ const ParamInfo& row(std::string_view name) {
 
 std::string refusal(std::string_view name, std::string_view text) {
   Params params;
-  try {
-    set_param(params, row(name), text);
-  } catch (const Error& error) {
-    EXPECT_EQ(error.kind(), ErrorKind::usage);
-    EXPECT_EQ(params, Params{}) << "a refused value changed the parameters";
-    return error.what();
-  }
-  return "";
+  const test::Thrown thrown = test::thrown_by([&] { set_param(params, row(name), text); });
+  EXPECT_EQ(thrown.kind, ErrorKind::usage);
+  EXPECT_EQ(params, Params{}) << "a refused value changed the parameters";
+  return thrown.message;
 }
 
 TEST(ParamTable, has_one_row_for_every_field) {
@@ -155,19 +152,12 @@ TEST(SetParam, reads_units_of_lengths_as_metres) {
 }
 
 TEST(InFileUnits, divides_metres_by_the_unit_and_refuses_them_where_there_is_none) {
-  Params params;
-  params.noise = {0.3048, Length::Unit::metre};
-  params.radius = {2, Length::Unit::spacing};
+  Params params{.noise = {0.3048, Length::Unit::metre}, .radius = {2, Length::Unit::spacing}};
   EXPECT_EQ(in_file_units(params, 0.3048).noise, Length(1.0));
   EXPECT_EQ(in_file_units(params, 0.3048).radius, params.radius);
-  try {
-    in_file_units(params, std::nullopt);
-    FAIL() << "metres of a file without a unit";
-  } catch (const Error& error) {
-    const std::string said = error.what();
-    EXPECT_EQ(said.find("0.3048"), std::string::npos) << "1ft was typed: " << said;
-    EXPECT_EQ(said.find("--noise: "), 0u) << said;
-  }
+  const std::string said = test::thrown_by([&] { in_file_units(params, std::nullopt); }).message;
+  EXPECT_EQ(said.find("0.3048"), std::string::npos) << "1ft was typed: " << said;
+  EXPECT_EQ(said.find("--noise: "), 0u) << said;
   params.noise = 5.0;
   EXPECT_EQ(in_file_units(params, std::nullopt), params);
 }
@@ -227,44 +217,29 @@ TEST(SetParam, refuses_what_is_out_of_range_or_no_value_and_says_the_flag_and_th
     }
 }
 
-ErrorKind kind_of_check(const Params& params) {
-  try {
-    check_params(params);
-  } catch (const Error& error) {
-    return error.kind();
-  }
-  return ErrorKind::failed;
-}
-
 TEST(CheckParams, accepts_the_defaults_and_the_papers_preset) {
   EXPECT_NO_THROW(check_params(Params{}));
   EXPECT_NO_THROW(check_params(paper_preset()));
 }
 
 TEST(CheckParams, refuses_values_that_set_param_would_refuse) {
-  const auto with = [](auto change) {
-    Params params;
-    change(params);
-    return params;
-  };
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = 513; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.k = -1; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.iterations = 101; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.relaxation = 2.5; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([=](Params& p) { p.relaxation = nan; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.radius = 0.0; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.noise = 0.0; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.rho = -1.0; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([=](Params& p) { p.normal_sigma = nan; })), ErrorKind::usage);
-  EXPECT_EQ(kind_of_check(with([](Params& p) { p.closeness_sigma = {-1, Length::Unit::spacing}; })), ErrorKind::usage);
+  const Params all[] = {{.k = 513},
+                        {.k = -1},
+                        {.iterations = 101},
+                        {.relaxation = 2.5},
+                        {.relaxation = nan},
+                        {.radius = 0.0},
+                        {.noise = 0.0},
+                        {.rho = -1.0},
+                        {.normal_sigma = nan},
+                        {.closeness_sigma = {-1, Length::Unit::spacing}}};
+  for (const Params& params : all) expect_error(ErrorKind::usage, "", [&] { check_params(params); });
 }
 
 TEST(CheckParams, refuses_the_constraint_with_a_radius_alone) {
-  Params params;
-  params.constraint = true;
-  params.radius = 0.1;
-  EXPECT_EQ(kind_of_check(params), ErrorKind::usage);
+  Params params{.radius = 0.1, .constraint = true};
+  expect_error(ErrorKind::usage, "", [&] { check_params(params); });
   params.k = 8;
   EXPECT_NO_THROW(check_params(params));
 }

@@ -154,8 +154,7 @@ TEST(Positions, OfAFileAreItsOwnNumbers) {
 }
 
 TEST(Positions, OfACloudWithoutAFileAreOffsetsFromItsOrigin) {
-  Cloud cloud;
-  cloud.points = {{1, 2, 3}};
+  Cloud cloud{.points = {{1, 2, 3}}};
   EXPECT_EQ(position_type(cloud), ScalarType::float32);
   cloud.origin = {100, 0, 0};
   EXPECT_EQ(position_type(cloud), ScalarType::float64);

@@ -2,10 +2,8 @@
 // How wide neighbourhoods are from place to place.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <memory>
-#include <vector>
 
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
@@ -28,11 +26,7 @@ double height_of_waves(double x, double y) {
 
 // A plane whose right half has waves of seven spacings.
 double height(double x, double y) { return x < 0.5 ? 0 : height_of_waves(x, y); }
-Points half_rough() {
-  Points points = shapes::plane(kPoints);
-  for (Point& p : points) p.z = float(height(p.x, p.y));
-  return shapes::with_noise(points, kNoise);
-}
+Points half_rough() { return shapes::with_noise(shapes::lifted(shapes::plane(kPoints), height), kNoise); }
 
 struct Outcome : Ran {
   explicit Outcome(const Points& cloud, const Params& params = {})
@@ -58,9 +52,7 @@ TEST(ReachLevels, let_a_run_leave_less_on_either_than_one_width_everywhere) {
       if (std::abs(p.x - 0.5) > 0.1 && (p.x > 0.5) == of_rough) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params params;
-  params.min_neighbors = 16;
-  const Points followed = Outcome(points).points, same = Outcome(points, params).points;
+  const Points followed = Outcome(points).points, same = Outcome(points, {.min_neighbors = 16}).points;
   EXPECT_LT(left(followed, true), 0.97 * left(same, true));
   EXPECT_LT(left(followed, false), 0.9 * left(same, false));
 }
@@ -74,15 +66,12 @@ TEST(ReachLevels, keep_rough_ground_from_being_averaged_on) {
       if (p.x > 0.6) sum += std::abs(p.z - height(p.x, p.y));
     return sum;
   };
-  Params once;
-  once.iterations = 1;
-  once.normal_filter = NormalFilter::off;
-  EXPECT_LT(left(Outcome(points).points), 1.15 * left(Outcome(points, once).points));
+  EXPECT_LT(left(Outcome(points).points),
+            1.15 * left(Outcome(points, {.normal_filter = NormalFilter::off, .iterations = 1}).points));
 }
 
 TEST(ReachLevels, are_followed_where_the_number_of_neighbors_is_automatic_only) {
-  Params params;
-  params.min_neighbors = 16;
+  Params params{.min_neighbors = 16};
   EXPECT_FALSE(Outcome(half_rough(), params).levels);
   params = {};
   params.method = Method::mls;
@@ -114,10 +103,8 @@ TEST(Neighbourhoods, reach_the_next_profile_however_far_apart_profiles_are) {
                      y = kAlong * (spacings * profile + 0.2 * random.normal());
         points.push_back(shapes::make_point(x, y, height(x, y) + kSigma * random.normal()));
       }
-    double squares = 0;
-    for (const Point& p : Outcome(points).points)
-      squares += std::pow(p.z - height(p.x, p.y), 2) / double(points.size());
-    EXPECT_LT(std::sqrt(squares), 0.35 * kSigma) << spacings;
+    const auto off = [&](Point p) { return p.z - height(p.x, p.y); };
+    EXPECT_LT(shapes::rms(Outcome(points).points, off), 0.35 * kSigma) << spacings;
   }
 }
 
@@ -126,14 +113,8 @@ TEST(ReachLevels, are_above_one_on_a_plane_where_noise_is_nearly_the_spacing) {
   const Outcome followed(points);
   ASSERT_TRUE(followed.levels);
   EXPECT_GT(level_at(followed, {0.5f, 0.5f, 0}), 1.2);
-  const auto left = [](const Points& of) {
-    double sum = 0;
-    for (const Point& p : of) sum += std::abs(p.z);
-    return sum;
-  };
-  Params params;
-  params.min_neighbors = 16;
-  EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, params).points));
+  const auto left = [](const Points& of) { return shapes::mean_error(of, [](Point p) { return p.z; }); };
+  EXPECT_LT(left(followed.points), 0.9 * left(Outcome(points, {.min_neighbors = 16}).points));
 }
 
 TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {

@@ -47,9 +47,7 @@ void store(const fs::path& path, const LeafTree& tree, const std::vector<Point>&
   std::vector<Section> sections;
   for (std::uint32_t l = 0; l < bounds.size(); ++l)
     if (bounds[l].valid > 0) sections.push_back({l, {}, bounds[l].valid, bounds[l].min, bounds[l].max});
-  PointsHeader header;
-  header.first_index = first;
-  PointsWriter writer(path, header, sections, {});
+  PointsWriter writer(path, {.first_index = first}, sections, {});
   std::vector<Point> sorted;
   for (const std::uint32_t i : order) sorted.push_back(points[i]);
   writer.write(std::span(sorted));
@@ -225,11 +223,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   Pipeline pipeline(Device::cpu);
   pipeline.load(whole);
   write(folder / "whole.xyz", pipeline.run());
-  TiledJob job;
-  job.inputs = {folder / "in.xyz"};
-  job.output = folder / "out.xyz";
-  job.least_tiles = 3;
-  TiledRun::plan(job, folder / "work");
+  TiledRun::plan({.inputs = {folder / "in.xyz"}, .output = folder / "out.xyz", .least_tiles = 3}, folder / "work");
   // as if another had been guessed
   const std::string plan = read_text(folder / "work/plan.txt");
   std::string other = plan;
@@ -258,18 +252,15 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
 // Two CPUs stand for the cards of a machine.
 TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   const Folder folder;
-  Cloud cloud;
-  cloud.points = shapes::with_noise(shapes::sphere(30000), 0.004);
-  write(folder / "in.ply", cloud);
+  write(folder / "in.ply", {.points = shapes::with_noise(shapes::sphere(30000), 0.004)});
   Pipeline pipeline(Device::cpu);
   pipeline.load(read(folder / "in.ply"));
   write(folder / "whole.ply", pipeline.run());
-  TiledJob job;
-  job.inputs = {folder / "in.ply"};
-  job.output = folder / "out.ply";
-  job.least_tiles = 9;
-  job.memory = std::uint64_t{1} << 30;
-  job.workers = 2;
+  TiledJob job{.inputs = {folder / "in.ply"},
+               .output = folder / "out.ply",
+               .memory = std::uint64_t{1} << 30,
+               .least_tiles = 9,
+               .workers = 2};
   TiledRun::plan(job, folder / "work");
   EXPECT_NE(read_text(folder / "work/plan.txt").find("\nmemory 536870912\n"), std::string::npos) << "they share it";
   TiledRun run = TiledRunAccess::make(folder / "work", {Device::cpu, Device::cpu});
@@ -281,14 +272,10 @@ TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
 // As it would otherwise be tried again with ever smaller parts of the tile.
 TEST(Scale, a_place_with_more_points_than_fit_is_an_error_that_names_one_of_them) {
   const Folder folder;
-  Cloud cloud;
-  cloud.points = random_points(1000, 8);
+  Cloud cloud{.points = random_points(1000, 8)};
   cloud.points.resize(400000, Point{0.25f, 0.5f, 0});
   write(folder / "in.ply", cloud);
-  TiledJob job;
-  job.inputs = {folder / "in.ply"};
-  job.output = folder / "out.ply";
-  job.memory = std::uint64_t{64} << 20;
+  TiledJob job{.inputs = {folder / "in.ply"}, .output = folder / "out.ply", .memory = std::uint64_t{64} << 20};
   job.params.k = 8;
   job.params.normal_sigma = job.params.closeness_sigma = job.params.similarity_sigma = 0.1;
   job.params.outliers = Outliers::off;

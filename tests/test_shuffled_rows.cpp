@@ -26,8 +26,7 @@ TEST(ShuffledRows, moved_by_what_rounds_nowhere_move_alike) {
   const shapes::Points points = shuffled_rows::on_a_grid(shapes::with_noise(shapes::waves(kPoints), 0.01), 0x1p-10f);
   const Point by{4, -2, 8};
   for (const int k : shuffled_rows::kEveryK) {
-    StageSettings settings;
-    settings.neighbors = {k, 0, false, 0};
+    StageSettings settings{.neighbors = {k, 0, false, 0}};
     const StageResults plain = run(*backend, points, settings),
                        moved = run(*backend, shapes::shifted(points, by), settings);
     EXPECT_EQ(difference(plain.normals, moved.normals), "") << k;

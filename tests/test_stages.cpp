@@ -6,7 +6,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
-#include <ostream>
 #include <string>
 #include <vector>
 
@@ -61,9 +60,7 @@ void expect_like_reference(const Points& points, const Params& params, const std
     if (!reference::is_valid(points[i])) continue;
     short_lists += settings.constraint && e.neighbors < std::size_t(settings.k);
     counts.too_few_neighbors += e.neighbors < 3 && !e.is_outlier;  // in the last iteration, which outliers do not see
-    if (e.neighbors >= 3) {
-      ill_determined += e.normal.gap < kLeastComparedGap;
-    }
+    if (e.neighbors >= 3) ill_determined += e.normal.gap < kLeastComparedGap;
     if (e.neighbors >= 3 && e.normal.gap < kLeastComparedGap) continue;
     const double gap = e.neighbors < 3 ? 1 : e.normal.gap;
     const double off = reference::length(reference::to_vec(out[i]) - e.position);
@@ -88,13 +85,11 @@ void expect_like_reference(const Points& points, const Params& params, const std
 constexpr double kEqualWeights = 1e9;  // a normal sigma so wide that all neighbours weigh alike
 
 Params one_iteration(double sigma) {
-  Params params;
-  params.iterations = 1;
-  params.flat_scale = 1;
-  params.normal_sigma = sigma;
-  params.closeness_sigma = sigma;
-  params.similarity_sigma = 0.7 * sigma;
-  return params;
+  return {.normal_sigma = sigma,
+          .flat_scale = 1,
+          .closeness_sigma = sigma,
+          .similarity_sigma = 0.7 * sigma,
+          .iterations = 1};
 }
 
 const Points& hills() {
@@ -165,19 +160,13 @@ TEST(Stages, agree_with_the_reference_for_every_switch) {
 
 TEST(Stages, agree_with_the_reference_for_radii_that_follow_the_density) {
   const Points points = shapes::with_noise(shapes::uneven(900, 20), 0.004);
-  for (const int min_neighbors : {1, 6, 16, 64}) {
-    Params params;
-    params.iterations = 1;
-    params.radius = 0.06;
-    params.min_neighbors = min_neighbors;
-    expect_like_reference(points, params, "min_neighbors " + std::to_string(min_neighbors));
-  }
+  for (const int min_neighbors : {1, 6, 16, 64})
+    expect_like_reference(points, {.radius = 0.06, .min_neighbors = min_neighbors, .iterations = 1},
+                          "min_neighbors " + std::to_string(min_neighbors));
 }
 
 TEST(Stages, agree_with_the_reference_for_neighbourhoods_that_are_thinned) {
-  Params params;
-  params.iterations = 1;
-  params.flat_scale = 1;
+  Params params{.flat_scale = 1, .iterations = 1};
   params.radius = 0.5;  // holds hundreds of points, against 4 that the density alone asks for
   params.min_neighbors = 4;
   params.relaxation = 1;
@@ -189,10 +178,7 @@ TEST(Stages, agree_with_the_reference_for_neighbourhoods_that_are_thinned) {
 TEST(Stages, agree_with_the_reference_where_points_lie_far_away) {
   Points points = shapes::with_noise(shapes::waves(1500), 0.006);
   for (const float far : {3.0f, 40.0f, 900.0f}) points.push_back({far, -2 * far, far / 3});
-  Params params;
-  params.iterations = 1;
-  params.flat_scale = 1.5;
-  expect_like_reference(points, params, "points far away");
+  expect_like_reference(points, {.flat_scale = 1.5, .iterations = 1}, "points far away");
 }
 
 // On a cube the radii of the faces grow and those at its edges do not.

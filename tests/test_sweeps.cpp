@@ -79,12 +79,7 @@ TEST(Sweeps, of_few_beams_are_denoised_and_their_noise_is_known) {
 TEST(Sweeps, without_noise_stay_as_they_are) {
   for (const int beams : {16, 32}) {
     const Sweep sweep = sweep_of(beams, 0);
-    const Points points = Ran(sweep.points).points;
-    double moved = 0;
-    for (std::size_t i = 0; i < points.size(); ++i)
-      moved += std::hypot(points[i].x - sweep.points[i].x, points[i].y - sweep.points[i].y,
-                          points[i].z - sweep.points[i].z) /
-               double(points.size());
+    const double moved = shapes::mean_distance(Ran(sweep.points).points, sweep.points);
     EXPECT_LT(moved, 0.0005) << beams;  // a hundredth of the spacing or less
   }
 }

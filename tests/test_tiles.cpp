@@ -2,9 +2,7 @@
 // Clouds that are computed in tiles give the bits of the whole.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "backend_runs.h"
 #include "pointfair/pipeline.hpp"
@@ -50,12 +48,7 @@ std::vector<Place> places() {
   return all;
 }
 
-StageSettings usual() {
-  StageSettings settings;
-  settings.normals = {{0.02f}};
-  settings.fairing = {{0.02f, 0.01f}};
-  return settings;
-}
+StageSettings usual() { return {.normals = {{0.02f}}, .fairing = {{0.02f, 0.01f}}}; }
 
 void expect_the_same_in_tiles(const Points& points, StageSettings settings, const char* what,
                               const std::vector<Tiling>& tilings = {{2}, {3, ~0ull, 0.2}, {7, ~0ull, 0.05}}) {
@@ -245,9 +238,8 @@ TEST(Tiles, has_the_estimates_of_the_whole) {
       Points expected(queries.size() * std::size_t(k + 1)), rows = expected;
       whole->sampling().sample_neighborhoods(queries, k, expected);
       cut->sampling().sample_neighborhoods(queries, k, rows);
-      for (std::size_t i = 0; i < rows.size(); ++i) {
+      for (std::size_t i = 0; i < rows.size(); ++i)
         if (std::isnan(expected[i].x) && std::isnan(rows[i].x)) rows[i] = expected[i] = {};
-      }
       EXPECT_EQ(difference(expected, rows), "") << k;
     }
     const CloudSample a = whole->sampling().sample_cloud(500), b = cut->sampling().sample_cloud(500);

@@ -2,8 +2,6 @@
 // Limits that a page sets. Oracle: the library's own on a fresh pipeline.
 #include <gtest/gtest.h>
 
-#include <cmath>
-
 #include "viewer_seat.h"
 
 namespace pointfair::viewer {
@@ -44,17 +42,10 @@ TEST(ViewerSession, IgnoredPointsComeAndGoWithTheirLimit) {
     set_limit(same, "ignore", ignore);
     Pipeline pipeline(Device::cpu);
     pipeline.load(without_ignored(same, cloud));
-    Params as_set;
-    as_set.k = 16;
-    as_set.iterations = 2;
-    Cloud expected = pipeline.run(as_set);
+    Cloud expected = pipeline.run({.k = 16, .iterations = 2});
     apply_limits(same, cloud, expected);
-    double sum = 0;
-    for (std::size_t i = 0; i < cloud.points.size(); ++i)
-      sum += std::hypot(expected.points[i].x - cloud.points[i].x, expected.points[i].y - cloud.points[i].y,
-                        expected.points[i].z - cloud.points[i].z);
-    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), sum / static_cast<double>(cloud.points.size()), 1e-5)
-        << ignore;
+    const double moved = shapes::mean_distance(expected.points, cloud.points);
+    EXPECT_NEAR(result.head["moved"]["mean"].get<double>(), moved, 1e-5) << ignore;
   }
   EXPECT_TRUE(session.receive(run_text(++id, params, {{"where", "height=1"}})));
   EXPECT_NE(page.wait_for("error", id).head["message"].get<std::string>().find("no attribute 'height'"),

@@ -2,10 +2,8 @@
 // The viewer's order of points, encodings, preview patches, gate and recipes.
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
 #include <random>
 #include <set>
 
@@ -54,8 +52,7 @@ TEST(ViewerAttributes, ColoursAreOfferedAsColoursWhateverTheirNames) {
   const std::array<const char*, 3> named[] = {
       {"red", "green", "blue"}, {"r", "g", "b"}, {"colorRed", "colorGreen", "colorBlue"}};
   for (const auto& names : named) {
-    Cloud cloud;
-    cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+    Cloud cloud{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
     for (std::size_t c = 0; c < 3; ++c) {
       Attribute& channel = cloud.added.emplace_back();
       channel.name = names[c];

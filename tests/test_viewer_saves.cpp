@@ -27,12 +27,8 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   page.wait_for("saved", 1);
   Pipeline pipeline(Device::cpu);
   pipeline.load(cloud);
-  Params params;
-  params.k = 12;
-  Cloud fair = pipeline.run(params);
-  Limits limits;
-  limits.strength = 0.5;
-  apply_limits(limits, cloud, fair);
+  Cloud fair = pipeline.run({.k = 12});
+  apply_limits({.strength = 0.5}, cloud, fair);
   write(folder / "expected.ply", fair);
   EXPECT_EQ(file_bytes(folder / "denoised.ply"), file_bytes(folder / "expected.ply"));
 

@@ -90,8 +90,7 @@ TEST(ViewerSteps, ASavedFileGoesToThePage) {
   Pipeline pipeline(Device::cpu);
   const Cloud cloud = read(write_bytes(cloud_of(points), Format::ply), "scan.ply");
   pipeline.load(cloud);
-  Params params;
-  params.k = 12;
+  Params params{.k = 12};
   const std::vector<std::uint8_t> file = saved.array<std::uint8_t>("file");
   EXPECT_EQ(std::string(file.begin(), file.end()), bytes_of(pipeline.run(params)));
   EXPECT_EQ(saved.head["path"], "denoised.ply");

@@ -28,17 +28,16 @@ constexpr Position kSensor{0.5, -1.0, 0.25};
 // A board 3 m from the sensor, before a wall at 3.3 m, on a grid of rays; every other ray at the board's border ends
 // somewhere between. Columns turn about the vertical.
 struct Scan {
-  Points points;
-  std::vector<Position> rays;  // unit
-  std::vector<double> range;   // to the surface
-  std::vector<std::uint8_t> is_mixed;
+  Points points{};
+  std::vector<Position> rays{};  // unit
+  std::vector<double> range{};   // to the surface
+  std::vector<std::uint8_t> is_mixed{};
   int columns = 0;
 };
 
 Scan scan(double noise = kNoise) {
   constexpr int kHalf = 90, kBoard = 40;  // rays
-  Scan result;
-  result.columns = 2 * kHalf + 1;
+  Scan result{.columns = 2 * kHalf + 1};
   shapes::Random random(3);
   for (int row = -kHalf; row <= kHalf; ++row)
     for (int column = -kHalf; column <= kHalf; ++column) {
@@ -63,11 +62,7 @@ Ran run(const Points& points, std::span<const Position> viewpoint, const Params&
   return Ran(points, params, 0, viewpoint);
 }
 
-Params marking() {
-  Params params;
-  params.outliers = Outliers::mark;
-  return params;
-}
+Params marking() { return {.outliers = Outliers::mark}; }
 
 struct Shares {
   double found = 0, wrong = 0;  // of the mixed pixels, of the others
@@ -245,8 +240,7 @@ double mean_error(const Scan& cloud, const Points& points) {
 TEST(AlongRay, keeps_each_pixel_and_removes_as_much_noise) {
   const Scan cloud = scan();
   for (const Method method : {Method::bilateral, Method::mls, Method::wiener}) {
-    Params params;
-    params.method = method;
+    Params params{.method = method};
     const Ran normal = run(cloud.points, {&kSensor, 1}, params);
     params.along = Along::ray;
     const Ran ray = run(cloud.points, {&kSensor, 1}, params);
@@ -266,13 +260,12 @@ TEST(AlongRay, keeps_each_pixel_and_removes_as_much_noise) {
 TEST(AlongRay, ends_on_the_same_plane) {
   const Points points = shapes::with_noise(shapes::sphere(8000), 0.004);
   const Position sensor{0.3, 0.2, 3};
-  Params params;
-  params.k = 20;
-  params.closeness_sigma = 0.05;
-  params.similarity_sigma = 0.05;
-  params.normal_sigma = 0.1;
-  params.outliers = Outliers::off;
-  params.iterations = 1;
+  Params params{.k = 20,
+                .normal_sigma = 0.1,
+                .closeness_sigma = 0.05,
+                .similarity_sigma = 0.05,
+                .outliers = Outliers::off,
+                .iterations = 1};
   Pipeline pipeline(Device::cpu);
   pipeline.load(points);
   pipeline.set_viewpoint({&sensor, 1});
@@ -296,8 +289,7 @@ TEST(AlongRay, ends_on_the_same_plane) {
 
 TEST(AlongRay, needs_a_sensor_and_a_method_that_moves_along_the_normal) {
   const Points points = shapes::with_noise(shapes::plane(2000), 0.002);
-  Params params;
-  params.along = Along::ray;
+  Params params{.along = Along::ray};
   EXPECT_THROW(run(points, {}, params), Error);
   params.method = Method::laplacian;
   const Position above{0.5, 0.5, 3};

@@ -5,9 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
-#include <cstring>
 #include <optional>
 #include <string>
 #include <thread>
@@ -17,6 +15,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "sharing_backend.h"
 #include "tiles/tiled_backend.hpp"
@@ -59,9 +58,9 @@ class Walk {
       load();
     } else if (what < 40) {
       change_parameters();
-      run_whole();
+      run_whole(false);
     } else if (what < 46) {
-      run_in_one_call();
+      run_whole(true);
     } else if (what < 66) {
       change_parameters();
       run_meddled_with();
@@ -130,26 +129,14 @@ class Walk {
     shown_ = {params_, told_};
   }
 
-  void run_whole() {
+  void run_whole(bool in_one_call) {
     Points out(points().size());
+    if (in_one_call) told_ = Told::nothing;
     try {
-      pipeline_.run(params_, out);
+      in_one_call ? pipeline_.run(points(), params_, out) : pipeline_.run(params_, out);
     } catch (const Error& error) {
       EXPECT_EQ(expected().error, error.what());
-      shown_.reset();
-      return;
-    }
-    expect_like_fresh(of_last_run(pipeline_, std::move(out)));
-  }
-
-  void run_in_one_call() {
-    Points out(points().size());
-    told_ = Told::nothing;
-    try {
-      pipeline_.run(points(), params_, out);
-    } catch (const Error& error) {
-      EXPECT_EQ(expected().error, error.what());
-      pipeline_.load(points());  // it may have been refused before or after the load
+      if (in_one_call) pipeline_.load(points());  // it may have been refused before or after the load
       shown_.reset();
       return;
     }
@@ -335,9 +322,7 @@ TEST(Walk, over_two_cards_that_share_gives_the_results_of_fresh_pipelines) {
 }
 
 TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
-  std::string reason;
-  for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   walk([](Meddling& meddling) {
     return PipelineAccess::make(std::make_unique<MeddlingBackend>(make_cuda_backend(0), meddling),
                                 {Device::cuda, "test", "requested"});
@@ -346,9 +331,7 @@ TEST(Walk, on_a_card_gives_the_results_of_fresh_pipelines) {
 
 // One card twice.
 TEST(Walk, over_cards_that_share_gives_the_results_of_fresh_pipelines) {
-  std::string reason;
-  for (const DeviceStatus& card : list_cuda_devices()) reason = card.usable ? "" : card.info.reason;
-  if (!reason.empty()) GTEST_SKIP() << reason;
+  if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   walk([](Meddling&) {
     const auto card = [] { return make_cuda_backend(0); };
     return PipelineAccess::make(card(), {Device::cuda, "test", "requested"}, MakeWorkers{{card, card}, 320});

@@ -267,17 +267,14 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
       std::vector<Position> written = points;
       if (extension == std::string(".las")) std::erase_if(written, [](const Position& p) { return !(p[0] == p[0]); });
       Cloud cloud = make_cloud(written);
-      WriteOptions options;
-      options.overwrite = true;
+      WriteOptions options{.overwrite = true};
       write(named("in"), cloud, options);
       cloud = read(named("in"));
       Pipeline pipeline(Device::cpu);
       pipeline.load(cloud);
       const Cloud denoised = pipeline.run({});
       write(named("memory"), denoised, options);
-      TiledJob job;
-      job.inputs = {named("in")};
-      job.output = named("tiles");
+      TiledJob job{.inputs = {named("in")}, .output = named("tiles")};
       job.write.overwrite = true;
       job.least_tiles = 5;
       TiledRun::plan(job, folder / "work");
@@ -302,9 +299,7 @@ TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
   pipeline.load(cloud);
   pipeline.run(Params{});
   EXPECT_EQ(pipeline.report().stages.front().name, "zones");
-  Params params;
-  params.method = Method::implicit;
-  pipeline.run(params);
+  pipeline.run({.method = Method::implicit});
   EXPECT_GT(pipeline.report().solver.iterations, 0u);
 }
 
@@ -321,9 +316,7 @@ TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
     pipeline.load(*cloud);
     EXPECT_LT(pipeline.estimates().float_step, 0.002);
     Cloud moved = pipeline.run({});
-    Limits half;
-    half.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}};
-    apply_limits(half, *cloud, moved);
+    apply_limits({.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}}}, *cloud, moved);
     positions(moved, results.emplace_back(points.size()));
   }
   EXPECT_EQ(results[0], results[1]);

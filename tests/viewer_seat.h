@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "shapes.h"
 #include "viewer_page.h"
 
@@ -20,11 +21,7 @@ using Points = std::vector<Point>;
 
 inline Points noisy(int count) { return shapes::with_noise(shapes::waves(count), 0.004); }
 
-inline Cloud cloud_of(Points points) {
-  Cloud cloud;
-  cloud.points = std::move(points);
-  return cloud;
-}
+inline Cloud cloud_of(Points points) { return {.points = std::move(points)}; }
 
 inline Session::Options cpu_options() {
   Session::Options options;
@@ -80,13 +77,9 @@ struct Seat {
 };
 
 inline Points fresh_run(const Points& points, const Json& params) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
   Params wanted;
   for (const auto& [name, text] : params.items()) set_param(wanted, *find_param(name), text.get<std::string>());
-  Points out(points.size());
-  pipeline.run(wanted, out);
-  return out;
+  return Ran(points, wanted).points;
 }
 
 }  // namespace pointfair::viewer

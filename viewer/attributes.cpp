@@ -40,48 +40,16 @@ ColourSource colour_source(const std::vector<AttributeInfo>& infos) {
   return {};
 }
 
-template <class T>
-double load(const std::byte* bytes) {
-  T value;
-  std::memcpy(&value, bytes, sizeof value);
-  return static_cast<double>(value);
-}
-
-double value_at(const Attribute& attribute, std::size_t index, std::uint32_t component) {
-  const std::byte* bytes = attribute.data.data() + (index * attribute.components + component) * size_of(attribute.type);
-  switch (attribute.type) {
-    case ScalarType::int8:
-      return load<std::int8_t>(bytes);
-    case ScalarType::uint8:
-      return load<std::uint8_t>(bytes);
-    case ScalarType::int16:
-      return load<std::int16_t>(bytes);
-    case ScalarType::uint16:
-      return load<std::uint16_t>(bytes);
-    case ScalarType::int32:
-      return load<std::int32_t>(bytes);
-    case ScalarType::uint32:
-      return load<std::uint32_t>(bytes);
-    case ScalarType::float32:
-      return load<float>(bytes);
-    case ScalarType::float64:
-      return load<double>(bytes);
-  }
-  return 0;
-}
-
 // Of full brightness, by type: whole numbers fill theirs (8 bits where the values say so), others go up to 1.
 double white_of(const Attribute& channel, std::size_t points) {
   if (channel.type == ScalarType::uint8) return 255;
   if (channel.type == ScalarType::float32 || channel.type == ScalarType::float64) {
-    for (std::size_t i = 0; i < points; ++i) {
-      if (value_at(channel, i, 0) > 1) return 255;
-    }
+    for (std::size_t i = 0; i < points; ++i)
+      if (value_at(channel, i) > 1) return 255;
     return 1;
   }
-  for (std::size_t i = 0; i < points; ++i) {
-    if (value_at(channel, i, 0) > 255) return 65535;
-  }
+  for (std::size_t i = 0; i < points; ++i)
+    if (value_at(channel, i) > 255) return 65535;
   return 255;
 }
 
@@ -90,9 +58,8 @@ std::uint8_t brightness(double value, double white) {
 }
 
 bool is_zero_everywhere(const Attribute& attribute, std::uint32_t component, std::size_t points) {
-  for (std::size_t i = 0; i < points; ++i) {
+  for (std::size_t i = 0; i < points; ++i)
     if (value_at(attribute, i, component) != 0) return false;
-  }
   return true;
 }
 
@@ -161,7 +128,7 @@ std::vector<std::uint8_t> colours(const Cloud& cloud, const Order& order, std::s
   for (std::size_t c = 0; c < 3; ++c) {
     const double white = white_of(channels[c], cloud.points.size());
     for (std::size_t place = 0; place < count; ++place)
-      result[4 * place + c] = brightness(value_at(channels[c], order.index(place), 0), white);
+      result[4 * place + c] = brightness(value_at(channels[c], order.index(place)), white);
   }
   return result;
 }

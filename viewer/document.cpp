@@ -347,10 +347,7 @@ Errand Document::errand_of(const Request& request) const {
 
 void Document::save(const Request& request, bool overwrite, std::stop_token stop) {
   try {
-    WriteOptions write_options;
-    write_options.encoding = encoding_of(request.encoding);
-    write_options.overwrite = overwrite;
-    write_file(request, write_options, stop);
+    write_file(request, {.encoding = encoding_of(request.encoding), .overwrite = overwrite}, stop);
   } catch (const Error& error) {
     send_error(request.id, error.kind() == ErrorKind::interrupted ? "saving was cancelled" : error.what());
   }

@@ -21,9 +21,8 @@ double growth(double now, double then) { return now > 0 && then > 0 ? now / then
 
 Stage first_difference(const Params& a, const Params& b) {
   Stage first = Stage::iterations;
-  for (const ParamInfo& info : kParams) {
+  for (const ParamInfo& info : kParams)
     if (param_text(a, info) != param_text(b, info)) first = std::min(first, info.stage);
-  }
   return first;
 }
 
@@ -36,9 +35,8 @@ void Expectation::learn(const Report& report) {
   const Stage first = has_run_ ? first_difference(params_, report.params) : Stage::index;
   for (std::size_t s = 0; s < kStages; ++s) {
     const double count = times(Stage(s), first, report.params.iterations);
-    for (const StageTime& stage : report.stages) {
+    for (const StageTime& stage : report.stages)
       if (stage.name == kNames[s] && count > 0) stage_[s] = stage.milliseconds / count;
-    }
   }
   params_ = report.params;
   has_run_ = true;

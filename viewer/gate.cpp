@@ -52,9 +52,8 @@ bool Gate::admits_host(std::string_view host_header) const {
 }
 
 bool Gate::admits_origin(std::string_view origin, std::string_view host_header) const {
-  for (const std::string_view scheme : {"http://", "https://"}) {
+  for (const std::string_view scheme : {"http://", "https://"})
     if (origin.starts_with(scheme) && equal_names(origin.substr(scheme.size()), host_header)) return true;
-  }
   return false;
 }
 

@@ -17,9 +17,8 @@ std::string_view type_of(const fs::path& path) {
                                                                       {".css", "text/css; charset=utf-8"},
                                                                       {".svg", "image/svg+xml"},
                                                                       {".txt", "text/plain; charset=utf-8"}};
-  for (const auto& [extension, type] : kTypes) {
+  for (const auto& [extension, type] : kTypes)
     if (path.extension() == extension) return type;
-  }
   return "application/octet-stream";
 }
 

@@ -37,9 +37,8 @@ float squared_radius_for(std::span<const Point> points, const Point& center, std
 
 std::vector<std::uint32_t> indices_within(std::span<const Point> points, const Point& center, float squared_radius) {
   std::vector<std::uint32_t> indices;
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  for (std::size_t i = 0; i < points.size(); ++i)
     if (squared_distance(points[i], center) <= squared_radius) indices.push_back(static_cast<std::uint32_t>(i));
-  }
   return indices;
 }
 

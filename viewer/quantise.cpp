@@ -17,8 +17,6 @@ constexpr std::size_t kExceptionShare = 50;  // one point in so many may be an e
 
 float sign_of(float x) { return x < 0 ? -1.0f : 1.0f; }
 
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
-
 // The lower or upper side of the octahedron, unfolded into the corners of the square; its own inverse.
 void fold(float& u, float& v) {
   const float folded = (1 - std::abs(v)) * sign_of(u);

@@ -162,9 +162,8 @@ std::string as_command(const Recipe& recipe, const Errand& errand) {
     line += fmt::format(" {}={}", flag_of(name), shell_word(text));
   };
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& text) { add(info.name, text); });
-  for (const std::string_view name : kLimitNames) {
+  for (const std::string_view name : kLimitNames)
     if (const std::string text = limit_text(recipe.limits, name); !text.empty()) add(name, text);
-  }
   if (!errand.viewpoint.empty()) add("viewpoint", errand.viewpoint);
   if (!errand.encoding.empty()) add("encoding", errand.encoding);
   return line + fmt::format(" --device={}", device_word(errand.device));
@@ -205,9 +204,8 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
 
 std::optional<Encoding> encoding_of(std::string_view word) {
   if (word.empty()) return std::nullopt;
-  for (const auto& [name, encoding] : kEncodings) {
+  for (const auto& [name, encoding] : kEncodings)
     if (name == word) return encoding;
-  }
   throw Error(ErrorKind::usage, fmt::format("there is no encoding '{}'", word));
 }
 

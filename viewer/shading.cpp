@@ -11,10 +11,7 @@ constexpr int kNeighbors = 12;
 void Shading::compute(std::span<const Point> points, std::span<Point> normals, std::stop_token stop) {
   if (!pipeline_) pipeline_.emplace(make_pipeline_());
   pipeline_->load(points);
-  Params params;
-  params.k = kNeighbors;
-  params.iterations = 1;
-  pipeline_->run(params, normals, stop);  // where points go is not asked for
+  pipeline_->run({.k = kNeighbors, .iterations = 1}, normals, stop);  // where points go is not asked for
   pipeline_->normals(normals);
 }
 

@@ -3,9 +3,11 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <stdexcept>
 #include <string>
@@ -40,6 +42,7 @@ class POINTFAIR_EXPORT Error : public std::runtime_error {
 struct Point {
   float x, y, z;
 };
+inline bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 /// The types of attributes.
 enum class ScalarType : std::uint8_t { int8, uint8, int16, uint16, int32, uint32, float32, float64 };
@@ -63,16 +66,19 @@ class Source;  // the parsed file behind a cloud; see src/io/source.hpp
 
 /// N points. A value: copies are independent, and share only the immutable `source`.
 struct Cloud {
-  std::array<double, 3> origin{};        ///< added to every point; 0 unless coordinates are large against the extent
-  std::vector<Point> points;             ///< N positions relative to the origin, in the order of the file
-  std::vector<Attribute> added;          ///< attributes that the file does not have, written after the file's own; or
-                                         ///< new values for one that it has, with the same name and components
-  std::shared_ptr<const Source> source;  ///< the file's own attributes, faces, comments; null without a file
+  std::array<double, 3> origin{};          ///< added to every point; 0 unless coordinates are large against the extent
+  std::vector<Point> points{};             ///< N positions relative to the origin, in the order of the file
+  std::vector<Attribute> added{};          ///< attributes that the file does not have, written after the file's own; or
+                                           ///< new values for one that it has, with the same name and components
+  std::shared_ptr<const Source> source{};  ///< the file's own attributes, faces, comments; null without a file
 };
 
 /// Names and types of the attributes: first those of the cloud's file without the coordinates, then the added ones.
 /// O(1) in the points, except that the first call on a text file reads its columns once to learn their types.
 POINTFAIR_EXPORT std::vector<AttributeInfo> attributes(const Cloud& cloud);
+
+/// Name and shape of the attribute `name`; nothing if there is none.
+POINTFAIR_EXPORT std::optional<AttributeInfo> attribute_info(const Cloud& cloud, std::string_view name);
 
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).
 POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
@@ -80,6 +86,9 @@ POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
 /// The values of several attributes, in the order of `names`. A text file is read once for all of them, where
 /// `attribute` reads it once for each. Throws ErrorKind::usage if the cloud lacks one. O(N) for each.
 POINTFAIR_EXPORT std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std::string> names);
+
+/// One value of an attribute, whatever its type.
+POINTFAIR_EXPORT double value_at(const Attribute& attribute, std::size_t point, std::uint32_t component = 0) noexcept;
 
 /// Faces over the points of a cloud: face f has the corners [ends[f - 1], ends[f]), point indices, the first from 0.
 struct Polygons {

@@ -44,8 +44,8 @@ enum class Encoding : std::uint8_t { ascii, binary, binary_big_endian, binary_co
 
 /// How to read.
 struct ReadOptions {
-  std::optional<Format> format;  ///< unset: by content, then by extension
-  unsigned threads = 0;          ///< 0: all cores
+  std::optional<Format> format{};  ///< unset: by content, then by extension
+  unsigned threads = 0;            ///< 0: all cores
   /// Of XYZ, TXT, CSV and PTS: names of the columns from the left, "x", "y" and "z" among them; empty: as the file
   /// says.
   std::vector<std::string> columns = {};
@@ -54,14 +54,15 @@ struct ReadOptions {
 
 /// How to write.
 struct WriteOptions {
-  std::optional<Format> format;      ///< unset: by extension
-  std::optional<Encoding> encoding;  ///< unset: the source's if the format is the same, else binary if there is one
-  std::optional<double> las_scale;  ///< step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the
-                                    ///< source's own; unset: the source's, else fine enough for floats
-  bool overwrite = false;           ///< false: an existing file is an error
-  bool strict = false;              ///< true: what the file cannot keep is an error, ErrorKind::file
-  bool sync = false;                ///< true: fsync before the file gets its name
-  unsigned threads = 0;             ///< 0: all cores
+  std::optional<Format> format{};      ///< unset: by extension
+  std::optional<Encoding> encoding{};  ///< unset: the source's if the format is the same, else binary if there is one
+  /// Step of the coordinates of LAS and LAZ, in the file's unit: a whole part of the source's own; unset: the source's,
+  /// else fine enough for floats.
+  std::optional<double> las_scale{};
+  bool overwrite = false;  ///< false: an existing file is an error
+  bool strict = false;     ///< true: what the file cannot keep is an error, ErrorKind::file
+  bool sync = false;       ///< true: fsync before the file gets its name
+  unsigned threads = 0;    ///< 0: all cores
 };
 
 /// Reads a whole file; the path "-" is standard input. Returns the points in file order, invalid ones included.

@@ -35,11 +35,11 @@ struct Lasso {
 /// A point moves only if every limit that is set lets it move.
 struct Limits {
   double strength = 1;  ///< blends the result with the input: 0 is the input, 1 the result
-  std::optional<Box> box;
-  std::optional<Lasso> lasso;
-  std::vector<Selection> where;    ///< only points that each of them contains move
-  std::vector<Selection> ignore;   ///< points that one of them contains do not move, and are nobody's neighbours
-  std::vector<std::uint8_t> mask;  ///< 1 for each point that may move, else 0; empty: all
+  std::optional<Box> box{};
+  std::optional<Lasso> lasso{};
+  std::vector<Selection> where{};    ///< only points that each of them contains move
+  std::vector<Selection> ignore{};   ///< points that one of them contains do not move, and are nobody's neighbours
+  std::vector<std::uint8_t> mask{};  ///< 1 for each point that may move, else 0; empty: all
   friend bool operator==(const Limits&, const Limits&) = default;
 };
 

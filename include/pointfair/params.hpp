@@ -79,42 +79,42 @@ enum class Along : std::uint8_t { normal, ray };
 
 /// What to do. Defaults come from the data, so `Params{}` suits any cloud. kParams describes each field.
 struct Params {
-  Length noise;  ///< standard deviation along the normal; all automatic values below follow from it
+  Length noise{};  ///< standard deviation along the normal; all automatic values below follow from it
   // Neighbours. Only k given: the k nearest. Both: the k nearest within the radius. Else all within a radius that grows
   // where points are sparse, from the given one or from one that follows the noise.
   int k = kAutomatic;
-  Length radius;
+  Length radius{};
   /// without k: radius_i^2 = radius^2 + (distance to the n-th nearest)^2; 1: the radius alone
   int min_neighbors = kAutomatic;
   bool constraint = false;  ///< a point joins N only if d(q, N) < rho + delta; with radius also needs k
-  Length rho;
-  Length delta;
+  Length rho{};
+  Length delta{};
   Connectivity connectivity = Connectivity::automatic;  ///< mesh: needs faces (Pipeline::set_faces), and takes no k
   int rings = kAutomatic;     ///< with mesh: neighbours are so many edges away; automatic: by method (docs/methods.md)
   bool keep_boundary = true;  ///< with mesh: vertices of edges that have one face only stay where they are
   // Normals, paper eq. 3-5.
-  Length normal_sigma;
+  Length normal_sigma{};
   NormalFilter normal_filter = NormalFilter::automatic;
-  int crease_angle = kAutomatic;     ///< with normal_filter on: degrees beyond which normals do not mix
-  std::optional<double> flat_scale;  ///< with normal_filter on and without k: the factor on the radius in flat places
+  int crease_angle = kAutomatic;       ///< with normal_filter on: degrees beyond which normals do not mix
+  std::optional<double> flat_scale{};  ///< with normal_filter on and without k: the factor on the radius in flat places
   // Fairing, paper eq. 1, 2, 6.
   Method method = Method::bilateral;
   Along along = Along::normal;  ///< ray: needs the place of the sensor, and a method that moves along the normal
-  Length closeness_sigma;
-  Length similarity_sigma;
+  Length closeness_sigma{};
+  Length similarity_sigma{};
   AreaWeight area_weight = AreaWeight::none;
   Offset offset = Offset::automatic;
-  std::optional<double> relaxation;  ///< the factor on each displacement
+  std::optional<double> relaxation{};  ///< the factor on each displacement
   ImplicitWeights implicit_weights = ImplicitWeights::automatic;
-  std::optional<double> implicit_lambda;  ///< with method implicit: how far a step smooths, in squared edge lengths
+  std::optional<double> implicit_lambda{};  ///< with method implicit: how far a step smooths, in squared edge lengths
   // Points off the surface.
   Outliers outliers = Outliers::automatic;
-  Length outlier_distance;
-  Length outlier_radius;
+  Length outlier_distance{};
+  Length outlier_radius{};
   // The whole chain.
   int iterations = kAutomatic;
-  Length displacement_limit;
-  std::optional<double> tangential;  ///< with mesh: share of the way to the middle of the ring, along the surface
+  Length displacement_limit{};
+  std::optional<double> tangential{};  ///< with mesh: share of the way to the middle of the ring, along the surface
 
   friend bool operator==(const Params&, const Params&) = default;
 };

@@ -25,19 +25,19 @@ namespace pointfair {
 
 /// The files to denoise in tiles, and where the result goes.
 struct TiledJob {
-  std::vector<std::filesystem::path> inputs;  ///< files that make one cloud, each point once
-  std::filesystem::path output;               ///< the file to write, if there is one input
-  std::filesystem::path output_folder;        ///< in place of `output`: each input is written there under its name
-  Params params;
-  Limits limits;                ///< without a mask
-  double without_surface = 0;   ///< as in Estimates
-  std::string noise_attribute;  ///< the attribute that has the noise of each point; empty: the noise is estimated
+  std::vector<std::filesystem::path> inputs{};  ///< files that make one cloud, each point once
+  std::filesystem::path output{};               ///< the file to write, if there is one input
+  std::filesystem::path output_folder{};        ///< in place of `output`: each input is written there under its name
+  Params params{};
+  Limits limits{};                ///< without a mask
+  double without_surface = 0;     ///< as in Estimates
+  std::string noise_attribute{};  ///< the attribute that has the noise of each point; empty: the noise is estimated
   /// Where the sensor stood, as parse_viewpoints reads it, but one place for all points: "x,y,z", or "none"; empty:
   /// what the inputs say, unknown if they say several places.
-  std::string viewpoint;
-  OutlierAction outlier_action;  ///< with Outliers::mark, in place of its attribute; `remove`: LAS and LAZ only
-  WriteOptions write;            ///< formats other than the input's own are refused
-  std::uint64_t memory = 0;      ///< bytes that a task may take, without the mapped input; 0: half of the free memory
+  std::string viewpoint{};
+  OutlierAction outlier_action{};  ///< with Outliers::mark, in place of its attribute; `remove`: LAS and LAZ only
+  WriteOptions write{};            ///< formats other than the input's own are refused
+  std::uint64_t memory = 0;        ///< bytes that a task may take, without the mapped input; 0: half of the free memory
   std::uint64_t least_tiles = 1;
   unsigned workers = 1;  ///< tasks that run at once, as several cards do, and share the memory
 };

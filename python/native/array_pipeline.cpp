@@ -106,10 +106,9 @@ void ArrayPipeline::require_cloud() const {
 void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {
   require_cloud();
   if (kind_ != kind) throw Error(ErrorKind::usage, "the output has another type than what was loaded");
-  if (coordinates != 3 * points_) {
+  if (coordinates != 3 * points_)
     throw Error(ErrorKind::usage, "the output holds " + std::to_string(coordinates / 3) + " points, the cloud " +
                                       std::to_string(points_));
-  }
 }
 
 void ArrayPipeline::apply(const Limits& limits, std::span<Point> after) const {

@@ -41,19 +41,14 @@ std::string path_of(const nb::bytes& path) { return {path.c_str(), path.size()};
 
 Cloud read_file(nb::bytes path, const std::optional<std::string>& format, const std::vector<std::string>& columns,
                 std::uint64_t skip, unsigned threads) {
-  ReadOptions options;
-  options.format = format_named(format);
-  options.columns = columns;
-  options.skip_lines = skip;
-  options.threads = threads;
+  ReadOptions options{.format = format_named(format), .threads = threads, .columns = columns, .skip_lines = skip};
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   return read(file, options);
 }
 
 Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<std::string>& format) {
-  ReadOptions options;
-  options.format = format_named(format);
+  ReadOptions options{.format = format_named(format)};
   const auto span = std::as_bytes(std::span(bytes.c_str(), bytes.size()));
   nb::gil_scoped_release release;
   return read(span, name, options);
@@ -63,12 +58,11 @@ Cloud read_memory(nb::bytes bytes, const std::string& name, const std::optional<
 std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const std::optional<std::string>& format,
                                     const std::optional<std::string>& encoding, bool overwrite, bool strict,
                                     unsigned threads) {
-  WriteOptions options;
-  options.format = format_named(format);
-  options.encoding = encoding_named(encoding);
-  options.overwrite = overwrite;
-  options.strict = strict;
-  options.threads = threads;
+  WriteOptions options{.format = format_named(format),
+                       .encoding = encoding_named(encoding),
+                       .overwrite = overwrite,
+                       .strict = strict,
+                       .threads = threads};
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   write(file, cloud, options);

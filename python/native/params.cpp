@@ -26,11 +26,10 @@ const char* name_of(Stage stage) {
 // Rows as (name, kind, stage, min, max, automatic, values, help, expert, default).
 Rows parameter_table() {
   Rows rows;
-  for (const ParamInfo& info : kParams) {
+  for (const ParamInfo& info : kParams)
     rows.append(nb::make_tuple(std::string(info.name), kind_of(info.field), name_of(info.stage), info.min, info.max,
                                info.automatic, std::string(info.values), std::string(info.help), info.expert,
                                param_text(Params{}, info)));
-  }
   return rows;
 }
 

@@ -41,8 +41,7 @@ using OptionalBox = std::optional<std::array<double, 6>>;
 
 // `box` is the lower and the upper corner; `where` as parse_selections reads it.
 Limits limits_of(double strength, const OptionalBox& box, const std::optional<Mask>& mask, const std::string& where) {
-  Limits limits;
-  limits.strength = strength;
+  Limits limits{.strength = strength};
   if (box) limits.box = Box{{(*box)[0], (*box)[1], (*box)[2]}, {(*box)[3], (*box)[4], (*box)[5]}};
   if (mask) limits.mask.assign(mask->data(), mask->data() + mask->size());
   if (!where.empty()) limits.where = parse_selections("where", where);

@@ -122,10 +122,9 @@ void Chain::measure_areas(const Kernels& kernels, const std::stop_token& stop) {
   const IndexView index = index_.view();
   for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
     DistanceSearch nearest(kernels, index, point::kAreaNeighbors);
-    for (std::size_t leaf = first; leaf < last; ++leaf) {
+    for (std::size_t leaf = first; leaf < last; ++leaf)
       kernels.mean_distances(nearest.find(Index(leaf)), point::kAreaNeighbors,
                              mean_distance_.data() + leaf * kLeafSize);
-    }
   });
 }
 

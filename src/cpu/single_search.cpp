@@ -2,7 +2,6 @@
 #include "cpu/single_search.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 
 namespace pointfair::cpu {

@@ -143,10 +143,9 @@ void denoise_image(std::span<const float> depth, std::size_t width, std::span<fl
 
 void denoise_depth(std::span<const float> depth, std::size_t width, std::span<float> out, unsigned threads,
                    std::stop_token stop) {
-  if (width == 0 ? !depth.empty() : depth.size() % width != 0) {
+  if (width == 0 ? !depth.empty() : depth.size() % width != 0)
     throw Error(ErrorKind::usage, "depth has " + std::to_string(depth.size()) + " pixels, which are no rows of " +
                                       std::to_string(width) + ": give whole rows");
-  }
   if (out.size() != depth.size())
     throw Error(ErrorKind::usage, "out has " + std::to_string(out.size()) + " pixels, depth " +
                                       std::to_string(depth.size()) + ": they must agree");

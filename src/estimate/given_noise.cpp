@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "estimate/constants.hpp"
-#include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "portable.hpp"
 

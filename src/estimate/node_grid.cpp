@@ -2,7 +2,6 @@
 #include "estimate/node_grid.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <functional>
 #include <memory>
 

@@ -2,7 +2,6 @@
 #include "estimate/row_offsets.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <optional>
 #include <span>

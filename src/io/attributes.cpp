@@ -16,16 +16,19 @@ bool takes_attributes(Format format) noexcept {
          format != Format::stl && format != Format::kitti && format != Format::nuscenes;
 }
 
+template <class All>
+static auto find_named(All& all, std::string_view name) {
+  return std::find_if(all.begin(), all.end(), [&](const auto& candidate) { return candidate.name == name; });
+}
+
 std::vector<AttributeInfo> attributes(const Cloud& cloud) {
   std::vector<AttributeInfo> result;
   if (cloud.source) {
-    for (const io::Column& column : cloud.source->columns()) {
+    for (const io::Column& column : cloud.source->columns())
       result.push_back({column.name, io::shown_as(column.type), column.components});
-    }
   }
   for (const Attribute& added : cloud.added) {
-    const auto own =
-        std::find_if(result.begin(), result.end(), [&](const auto& info) { return info.name == added.name; });
+    const auto own = find_named(result, added.name);
     if (own == result.end()) {
       result.push_back(added);
     } else {
@@ -33,6 +36,12 @@ std::vector<AttributeInfo> attributes(const Cloud& cloud) {
     }
   }
   return result;
+}
+
+std::optional<AttributeInfo> attribute_info(const Cloud& cloud, std::string_view name) {
+  const std::vector<AttributeInfo> all = attributes(cloud);
+  const auto its = find_named(all, name);
+  return its == all.end() ? std::nullopt : std::optional(*its);
 }
 
 // 64-bit integers, which the interface does not have, become doubles of the same size.
@@ -49,11 +58,6 @@ static void show(io::NativeType type, std::vector<std::byte>& data) {
   for (const AttributeInfo& info : attributes(cloud)) known += (known.empty() ? "" : ", ") + info.name;
   throw Error(ErrorKind::usage,
               "the cloud has no attribute '" + std::string(name) + "'; it has " + (known.empty() ? "none" : known));
-}
-
-template <class Named>
-static auto find_named(const std::vector<Named>& all, std::string_view name) {
-  return std::find_if(all.begin(), all.end(), [&](const Named& candidate) { return candidate.name == name; });
 }
 
 Attribute attribute(const Cloud& cloud, std::string_view name) {
@@ -76,7 +80,7 @@ std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std:
     const auto column = find_named(columns, names[n]);
     if (column == columns.end()) fail_without(cloud, names[n]);
     columns_of[n] = static_cast<std::size_t>(column - columns.begin());
-    static_cast<AttributeInfo&>(result[n]) = {column->name, io::shown_as(column->type), column->components};
+    result[n] = {{column->name, io::shown_as(column->type), column->components}, {}};
     if (!places[columns_of[n]].empty()) continue;  // named before
     std::vector<std::byte>& data = result[n].data;
     data.resize(static_cast<std::size_t>(cloud.source->size()) * io::column_bytes(*column));
@@ -94,6 +98,12 @@ std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std:
     }
   }
   return result;
+}
+
+double value_at(const Attribute& attribute, std::size_t point, std::uint32_t component) noexcept {
+  const std::size_t index = point * attribute.components + component;
+  const auto* const from = reinterpret_cast<const char*>(attribute.data.data()) + index * size_of(attribute.type);
+  return io::load_double(from, io::native(attribute.type), false);
 }
 
 FileInfo file_info(const Cloud& cloud) {

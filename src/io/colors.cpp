@@ -64,12 +64,11 @@ ByteColors colors_as_bytes(const Table& table) {
   const ColorRange range = color_range(channels);
   colors.values.resize(table.size());
   if (range.missing > 0) colors.missing.resize(table.size());
-  for (std::size_t c = 0; c < 3; ++c) {
+  for (std::size_t c = 0; c < 3; ++c)
     for_each_value(*channels[c], [&](std::size_t point, double value) {
       if (std::isnan(value) && range.missing > 0) colors.missing[point] = true;
       colors.values[point][c] = narrow<std::uint8_t>(range.factor * value);
     });
-  }
   for (std::size_t point = 0; point < colors.missing.size(); ++point)
     if (colors.missing[point]) colors.values[point] = {255, 255, 255};
   return colors;

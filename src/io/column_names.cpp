@@ -18,9 +18,8 @@ std::vector<std::string> component_names(const std::string& name, std::uint32_t 
 
 std::string one_word(std::string_view name) {
   std::string word(name);
-  for (char& c : word) {
+  for (char& c : word)
     if (c == ' ' || c == ',' || c == ';' || static_cast<unsigned char>(c) < 32) c = '_';
-  }
   return word.empty() ? "unnamed" : word;
 }
 
@@ -51,9 +50,8 @@ std::string ply_name(const std::string& name) {
       {"nor:normalz", "nz"},
   }};
   const std::string lower = lower_case(name);
-  for (const auto& [alias, plain] : kAliases) {
+  for (const auto& [alias, plain] : kAliases)
     if (lower == alias) return std::string(plain);
-  }
   return name;
 }
 

@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <array>
 #include <bit>
-#include <cmath>
-#include <cstring>
 #include <span>
 
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
-#include "io/coordinate_names.hpp"
 #include "io/edits.hpp"
+#include "io/formats.hpp"
 #include "io/intensity.hpp"
 #include "io/source.hpp"
 #include "pointfair/normals.hpp"
@@ -21,14 +19,6 @@ namespace {
 
 bool is_in(const std::vector<std::string>& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-TableColumn column_of(const Attribute& values) {
-  TableColumn column;
-  static_cast<Column&>(column) = {values.name, native(values.type), values.components};
-  column.data.resize(values.data.size());
-  if (!values.data.empty()) std::memcpy(column.data.data(), values.data.data(), values.data.size());
-  return column;
 }
 
 // What a cloud's attributes are.
@@ -115,25 +105,6 @@ class Attributes {
   bool has_bytes_ = true;  // the channels are bytes
 };
 
-// What a new file of each format does with the kinds, in their order: k keeps them, n notes that they are lost, r means
-// that such a file cannot be written.
-struct Row {
-  Format format;
-  std::string_view keeps;
-};
-constexpr Row kRows[] = {
-    // colours | normals to names | digits, text, lists | faces to groups | comments to records | invalid points
-    {Format::ply, "knn kkkk nnn knnknnn nnnnn k"},   {Format::pcd, "knn kkkk knn nnnnnnn nnnnn k"},
-    {Format::xyz, "knn kkkn knn nnnnnnn nnnnn k"},   {Format::txt, "kkk kkkk knn nnnnnnn nnnnn k"},
-    {Format::csv, "kkk kkkk knn nnnnnnn nnnnn k"},   {Format::pts, "knn kkkn knn nnnnnnn nnnnn k"},
-    {Format::off, "knn knnn nnn knnnnnn nnnnn k"},   {Format::obj, "knk knnn nnn knnknnn nnnnn k"},
-    {Format::las, "kkn kknk knn nnnnnnn nnnnn r"},   {Format::laz, "kkn kknk knn nnnnnnn nnnnn r"},
-    {Format::e57, "knn kkkk nnn nnnnnnn nnnnn k"},   {Format::ptx, "knn nnkn nnn nnnnnnn nnnnn k"},
-    {Format::stl, "nnn nnnn nnn knnnnnn nnnnn n"},   {Format::npy, "kkk kkkk knn nnnnnnn nnnnn k"},
-    {Format::copc, "kkn kknk knn nnnnnnn nknnn r"},  {Format::glb, "rrr rrrr rrr rrrrrrr rrrrr r"},
-    {Format::kitti, "rrr rrrr rrr rrrrrrr rrrrr r"}, {Format::nuscenes, "rrr rrrr rrr rrrrrrr rrrrr r"},
-};
-
 }  // namespace
 
 std::string counted(std::uint64_t count, const std::string& what) {
@@ -143,10 +114,8 @@ std::string counted(std::uint64_t count, const std::string& what) {
 std::vector<Content> contents_of(const Cloud& cloud) {
   std::vector<Content> result;
   Attributes(cloud).tell(result);
-  const bool finite = std::all_of(cloud.points.begin(), cloud.points.end(), [](const Point& p) {
-    return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
-  });
-  if (!finite) result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
+  if (!std::ranges::all_of(cloud.points, is_finite))
+    result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
   if (!cloud.source) return result;
   const FaceSummary faces = cloud.source->face_summary();
   if (faces.faces > 0) result.push_back({ContentKind::faces, counted(faces.faces, "face")});
@@ -157,10 +126,8 @@ std::vector<Content> contents_of(const Cloud& cloud) {
 }
 
 Keeps keeps(Format format, ContentKind kind) {
-  const auto row = std::find_if(std::begin(kRows), std::end(kRows), [&](const Row& r) { return r.format == format; });
-  if (row == std::end(kRows)) return Keeps::noted;
   std::size_t left = static_cast<std::size_t>(kind);
-  for (const char c : row->keeps) {
+  for (const char c : row_of(format).keeps) {
     if (c == ' ' || left-- > 0) continue;
     return c == 'k' ? Keeps::kept : c == 'r' ? Keeps::refused : Keeps::noted;
   }

@@ -3,13 +3,11 @@
 
 #include <algorithm>
 #include <array>
-#include <utility>
 
 #include "io/ptx/scans.hpp"
 #include "io/stl/facets.hpp"
 #include "io/text.hpp"
 #include "io/text_source.hpp"
-#include "platform/path_text.hpp"
 
 namespace pointfair {
 namespace io {
@@ -42,9 +40,8 @@ bool is_off_keyword(std::string_view word) {
   if (lower_case(word) == "off") return true;
   if (!word.ends_with("OFF")) return false;
   word.remove_suffix(3);
-  for (const std::string_view prefix : {"ST", "C", "N", "4", "n"}) {
+  for (const std::string_view prefix : {"ST", "C", "N", "4", "n"})
     if (word.starts_with(prefix)) word.remove_prefix(prefix.size());
-  }
   return word.empty();
 }
 
@@ -77,21 +74,5 @@ bool looks_like_numbers(std::string_view bytes) {
 }
 
 }  // namespace io
-
-std::optional<Format> format_of(const std::filesystem::path& path) {
-  static constexpr std::array<std::pair<std::string_view, Format>, 21> kExtensions = {{
-      {".ply", Format::ply},           {".pcd", Format::pcd}, {".xyz", Format::xyz},  {".xyzn", Format::xyz},
-      {".xyzrgb", Format::xyz},        {".txt", Format::txt}, {".asc", Format::txt},  {".csv", Format::csv},
-      {".pts", Format::pts},           {".off", Format::off}, {".obj", Format::obj},  {".las", Format::las},
-      {".laz", Format::laz},           {".e57", Format::e57}, {".ptx", Format::ptx},  {".stl", Format::stl},
-      {".npy", Format::npy},           {".glb", Format::glb}, {".gltf", Format::glb}, {".kitti", Format::kitti},
-      {".nuscenes", Format::nuscenes},
-  }};
-  const std::string extension = io::lower_case(platform::text_of(path.extension()));
-  for (const auto& [known, format] : kExtensions) {
-    if (extension == known) return format;
-  }
-  return std::nullopt;
-}
 
 }  // namespace pointfair

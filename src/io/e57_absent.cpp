@@ -5,11 +5,11 @@
 
 namespace pointfair::io {
 
-std::shared_ptr<Source> read_e57(FileBytes, const std::string& name) {
+std::shared_ptr<Source> read_e57(FileBytes, const std::string& name, const Reading&) {
   fail(name, "is an E57 file, and this build has no pugixml to read it with; install libpugixml-dev and build again");
 }
 
-void write_e57(Table, Output&) {
+void write_e57(Table, const Writing&, Output&) {
   throw Error(ErrorKind::usage, "this build has no pugixml, without which E57 files are neither read nor written");
 }
 

@@ -7,7 +7,6 @@
 #include <span>
 #include <vector>
 
-#include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
 #include "pointfair/positions.hpp"
 
@@ -21,9 +20,7 @@ struct Replacement {
   const Attribute* values = nullptr;
 
   double value(std::uint64_t point, std::uint32_t component) const {
-    const std::size_t size = pointfair::size_of(values->type);
-    const char* const from = reinterpret_cast<const char*>(values->data.data());
-    return load_double(from + (point * values->components + component) * size, native(values->type), false);
+    return value_at(*values, static_cast<std::size_t>(point), component);
   }
 };
 

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing whole files: chooses the format, and hands over to its writer.
-#include <algorithm>
 #include <utility>
 
 #include "io/contents.hpp"
@@ -19,44 +18,17 @@ namespace {
 
 void check(const Cloud& cloud) {
   if (cloud.points.empty()) refuse("the cloud has no points, so there is nothing to write");
-  if (cloud.source && cloud.source->size() != cloud.points.size()) {
+  if (cloud.source && cloud.source->size() != cloud.points.size())
     refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
            std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
-  }
   for (const Attribute& added : cloud.added) {
-    if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type)) {
+    if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type))
       refuse("the attribute '" + added.name + "' does not have one value for each point");
-    }
-  }
-}
-
-bool is_text(Format format) {
-  switch (format) {
-    case Format::xyz:
-    case Format::txt:
-    case Format::csv:
-    case Format::pts:
-    case Format::off:
-    case Format::obj:
-    case Format::ptx:
-      return true;
-    default:
-      return false;
   }
 }
 
 bool has_encoding(Format format, Encoding encoding) {
-  switch (encoding) {
-    case Encoding::ascii:
-      return format == Format::ply || format == Format::pcd || format == Format::stl || is_text(format);
-    case Encoding::binary:
-      return !is_text(format) && format != Format::laz && format != Format::copc;
-    case Encoding::binary_big_endian:
-      return format == Format::ply;
-    case Encoding::binary_compressed:
-      break;
-  }
-  return format == Format::pcd || format == Format::laz || format == Format::copc;
+  return (io::row_of(format).encodings >> static_cast<unsigned>(encoding) & 1u) != 0;
 }
 
 [[noreturn]] void refuse_encoding(Format format) {
@@ -65,17 +37,15 @@ bool has_encoding(Format format, Encoding encoding) {
                                                              {Encoding::binary_big_endian, "binary-big-endian"},
                                                              {Encoding::binary_compressed, "binary-compressed"}};
   std::string known;
-  for (const auto& [encoding, name] : kEncodings) {
+  for (const auto& [encoding, name] : kEncodings)
     if (has_encoding(format, encoding)) known += (known.empty() ? "" : ", ") + std::string(name);
-  }
   refuse("the format has no such encoding; it has " + known);
 }
 
 // What a new file is written in.
 Encoding usual_encoding(Format format) {
-  for (const Encoding encoding : {Encoding::binary, Encoding::ascii}) {
+  for (const Encoding encoding : {Encoding::binary, Encoding::ascii})
     if (has_encoding(format, encoding)) return encoding;
-  }
   return Encoding::binary_compressed;
 }
 
@@ -94,37 +64,14 @@ void write_octree(const Plan& plan, const Cloud& cloud, io::Output& out) {
   if (is_las && cloud.source->holds_its_positions()) {
     cloud.source->write(plan.edits, Encoding::binary, las);
   } else {
-    io::write_las(io::make_table(cloud), false, plan.edits.las_scale, las);
+    io::write_las(io::make_table(cloud), {Format::las, Encoding::binary, plan.edits.las_scale}, las);
   }
   io::write_copc(las.bytes, cloud.source ? cloud.source->name() : "the cloud", out);
 }
 
 void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
   if (plan.format == Format::copc) return write_octree(plan, cloud, out);
-  io::Table table = io::make_table(cloud);
-  switch (plan.format) {
-    case Format::ply:
-      return io::write_ply(std::move(table), plan.encoding, out);
-    case Format::pcd:
-      return io::write_pcd(std::move(table), plan.encoding, out);
-    case Format::off:
-      return io::write_off(std::move(table), out);
-    case Format::obj:
-      return io::write_obj(std::move(table), out);
-    case Format::ptx:
-      return io::write_ptx(std::move(table), out);
-    case Format::stl:
-      return io::write_stl(table, plan.encoding, out);
-    case Format::npy:
-      return io::write_npy(table, out);
-    case Format::las:
-    case Format::laz:
-      return io::write_las(std::move(table), plan.encoding == Encoding::binary_compressed, plan.edits.las_scale, out);
-    case Format::e57:
-      return io::write_e57(std::move(table), out);
-    default:
-      return io::write_xyz(std::move(table), plan.format, out);
-  }
+  io::row_of(plan.format).write(io::make_table(cloud), {plan.format, plan.encoding, plan.edits.las_scale}, out);
 }
 
 // Refuses what no new file of the format can be made of.
@@ -231,12 +178,7 @@ namespace io {
 namespace {
 
 // A cloud of the source without its points.
-Cloud shell_of(const std::shared_ptr<const Source>& source) {
-  Cloud shell;
-  shell.origin = source->origin();
-  shell.source = source;
-  return shell;
-}
+Cloud shell_of(const std::shared_ptr<const Source>& source) { return {.origin = source->origin(), .source = source}; }
 
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
   const Format format = options.format ? *options.format : format_to_write(path, shell.source->format());

@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// One reader and one writer for each format; files.cpp chooses among them.
+// What is special of each format: its reader, its writer, and a row of the table in format_table.cpp.
 #pragma once
 
+#include <array>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "io/file_bytes.hpp"
 #include "io/output.hpp"
@@ -14,31 +18,40 @@
 
 namespace pointfair::io {
 
-// Readers. `name` is how the file is called in errors. The result has at least one point.
-std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format, const ReadOptions& options);
-std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence);  ///< LAZ, too
-std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_ptx(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_stl(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name);
-std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Format format);  ///< KITTI and nuScenes
+/// How to read, and how to write a new file, beside bytes, names and tables.
+struct Reading {
+  Format format;  ///< where one reader has several
+  const ReadOptions& options;
+  Residence residence;
+};
+struct Writing {
+  Format format;
+  Encoding encoding;
+  std::optional<double> las_scale;
+};
 
-// Writers of a new file, for a cloud from memory or from another format.
-void write_ply(Table table, Encoding encoding, Output& out);
-void write_pcd(Table table, Encoding encoding, Output& out);
-void write_xyz(Table table, Format format, Output& out);
-void write_off(Table table, Output& out);
-void write_obj(Table table, Output& out);
-void write_las(Table table, bool compress, std::optional<double> scale, Output& out);
-void write_ptx(Table table, Output& out);
-void write_e57(Table table, Output& out);
-void write_stl(const Table& table, Encoding encoding, Output& out);
-void write_npy(const Table& table, Output& out);
+/// `name` is how the file is called in errors. The result has at least one point.
+using Reader = std::shared_ptr<Source>(FileBytes bytes, const std::string& name, const Reading& reading);
+Reader read_ply, read_pcd, read_xyz, read_off, read_obj, read_las, read_e57, read_ptx, read_stl, read_npy, read_gltf,
+    read_floats;  // of LAZ, too: read_las; of KITTI and nuScenes: read_floats
+
+/// Writes a new file, for a cloud from memory or from another format.
+using Writer = void(Table table, const Writing& writing, Output& out);
+Writer write_ply, write_pcd, write_xyz, write_off, write_obj, write_las, write_ptx, write_e57, write_stl, write_npy;
+
+struct FormatRow {
+  Format format;
+  const char* name;                            ///< in sentences
+  std::array<std::string_view, 3> extensions;  ///< in small letters
+  unsigned encodings;                          ///< that it has, a bit each
+  std::string_view keeps;                      ///< of each ContentKind
+  Reader* read;
+  Writer* write;  ///< null: no new file is made
+};
+/// In the order of docs/formats.md.
+std::span<const FormatRow> format_rows();
+const FormatRow& row_of(Format format);
+
 /// Throws Error(usage) for a cloud without faces.
 void check_new_stl(const Cloud& cloud);
 std::vector<std::string> losses_in_new_stl(const Cloud& cloud);

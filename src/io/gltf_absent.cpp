@@ -5,7 +5,7 @@
 
 namespace pointfair::io {
 
-std::shared_ptr<Source> read_gltf(FileBytes, const std::string& name) {
+std::shared_ptr<Source> read_gltf(FileBytes, const std::string& name, const Reading&) {
   fail(name,
        "is a glTF file, and this build has no nlohmann-json to read it with; install nlohmann-json3-dev and build "
        "again");

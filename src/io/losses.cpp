@@ -16,13 +16,6 @@ using io::Content;
 using io::ContentKind;
 using io::Keeps;
 
-constexpr std::pair<Format, const char*> kFormatNames[] = {
-    {Format::ply, "PLY"},     {Format::pcd, "PCD"},          {Format::las, "LAS"},   {Format::laz, "LAZ"},
-    {Format::e57, "E57"},     {Format::xyz, "XYZ"},          {Format::txt, "TXT"},   {Format::csv, "CSV"},
-    {Format::pts, "PTS"},     {Format::off, "OFF"},          {Format::obj, "OBJ"},   {Format::ptx, "PTX"},
-    {Format::stl, "STL"},     {Format::npy, "NPY"},          {Format::copc, "COPC"}, {Format::glb, "glTF"},
-    {Format::kitti, "KITTI"}, {Format::nuscenes, "nuScenes"}};
-
 // In the order of ContentKind.
 constexpr std::array<const char*, io::kContentKinds> kKindNames = {"colours",
                                                                    "colours of more than 8 bits",
@@ -47,12 +40,6 @@ constexpr std::array<const char*, io::kContentKinds> kKindNames = {"colours",
                                                                    "rows and columns of a sensor",
                                                                    "images, waveforms, other records",
                                                                    "points that are not finite"};
-
-std::string name_of(Format format) {
-  const auto named = [&](const auto& row) { return row.first == format; };
-  const auto row = std::find_if(std::begin(kFormatNames), std::end(kFormatNames), named);
-  return row == std::end(kFormatNames) ? "such" : row->second;
-}
 
 bool is_one(const std::string& list) { return list.find(", ") == std::string::npos; }
 
@@ -102,7 +89,7 @@ std::vector<std::string> sentences(const std::vector<Content>& lost, Format form
       what += (what.empty() ? "" : ", ") + one->what;
     if (end - content > kListed) what += " and " + std::to_string(end - content - kListed) + " more";
     if (!no_numbers || !follows_numbers(content->kind))
-      result.push_back(sentence(content->kind, what, name_of(format)));
+      result.push_back(sentence(content->kind, what, io::row_of(format).name));
     content = end;
   }
   return result;
@@ -165,14 +152,14 @@ void check_new_normals(const Cloud& cloud, std::optional<Format> format) {
 
 std::string losses_table() {
   std::string table = "|";
-  for (const auto& [format, name] : kFormatNames) table += std::string(" | ") + name;
+  for (const io::FormatRow& row : io::format_rows()) table += std::string(" | ") + row.name;
   table += " |\n|---";
-  for (std::size_t i = 0; i < std::size(kFormatNames); ++i) table += "|---";
+  for (std::size_t i = 0; i < io::format_rows().size(); ++i) table += "|---";
   table += "|\n";
   for (std::size_t kind = 0; kind < io::kContentKinds; ++kind) {
     table += std::string("| ") + kKindNames[kind];
-    for (const auto& [format, name] : kFormatNames) {
-      const Keeps keeps = io::keeps(format, static_cast<ContentKind>(kind));
+    for (const io::FormatRow& row : io::format_rows()) {
+      const Keeps keeps = io::keeps(row.format, static_cast<ContentKind>(kind));
       table += keeps == Keeps::kept ? " | kept" : keeps == Keeps::noted ? " | noted" : " | refused";
     }
     table += " |\n";

@@ -40,12 +40,16 @@ void put(Attribute& attribute, std::size_t place, float value) {
   io::store_double(to + place * size_of(attribute.type), io::native(attribute.type), false, value);
 }
 
+Attribute zeros(const std::string& name, std::uint32_t components, std::size_t floats) {
+  Attribute result{{name, ScalarType::float32, components}, {}};
+  result.data.resize(floats * sizeof(float));
+  return result;
+}
+
 // An attribute whose values are floats, whatever they were.
 Attribute as_floats(Attribute from) {
   if (from.type == ScalarType::float32 || from.type == ScalarType::float64) return from;
-  Attribute floats;
-  static_cast<AttributeInfo&>(floats) = {from.name, ScalarType::float32, from.components};
-  floats.data.resize(from.data.size() / size_of(from.type) * sizeof(float));
+  Attribute floats = zeros(from.name, from.components, from.data.size() / size_of(from.type));
   for (std::size_t i = 0; i < floats.data.size() / sizeof(float); ++i) put(floats, i, static_cast<float>(get(from, i)));
   return floats;
 }
@@ -55,26 +59,19 @@ class Holder {
  public:
   Holder(const Cloud& cloud, const std::vector<std::string>& names) {
     for (Attribute& values : attribute_values(cloud, names)) attributes_.push_back(as_floats(std::move(values)));
-    if (names.empty()) {
-      Attribute added;
-      static_cast<AttributeInfo&>(added) = {"normal", ScalarType::float32, 3};
-      added.data.resize(cloud.points.size() * 3 * sizeof(float));
-      attributes_.push_back(std::move(added));
-    }
+    if (names.empty()) attributes_.push_back(zeros("normal", 3, 3 * cloud.points.size()));
   }
 
   std::array<double, 3> at(std::size_t point) const {
     std::array<double, 3> normal{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
       normal[axis] = attributes_.size() == 1 ? get(attributes_[0], 3 * point + axis) : get(attributes_[axis], point);
-    }
     return normal;
   }
   void set(std::size_t point, const std::array<float, 3>& normal) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
       attributes_.size() == 1 ? put(attributes_[0], 3 * point + axis, normal[axis])
                               : put(attributes_[axis], point, normal[axis]);
-    }
   }
   // In the place of what was added under the same name.
   void give_to(Cloud& cloud) {
@@ -139,23 +136,20 @@ std::vector<std::string> normal_attributes(const Cloud& cloud) {
 
 void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const Position> viewpoints,
                  NormalSigns signs) {
-  if (viewpoints.size() > 1 && viewpoints.size() != cloud.points.size()) {
+  if (viewpoints.size() > 1 && viewpoints.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
                                       std::to_string(viewpoints.size()) + " viewpoints; give one, or one for each");
-  }
-  if (normals.size() != cloud.points.size()) {
+  if (normals.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
                                       std::to_string(normals.size()) + " normals; give one for each point");
-  }
   const std::vector<std::string> names = normal_attributes(cloud);
   Holder holder(cloud, names);
   const Outward outward(cloud);
   std::size_t block = 0;
   std::optional<Position> sensor;
   for (std::size_t i = 0; i < normals.size(); ++i) {
-    for (; cloud.source && block < cloud.source->block_count() && i == cloud.source->block_begin(block); ++block) {
+    for (; cloud.source && block < cloud.source->block_count() && i == cloud.source->block_begin(block); ++block)
       sensor = cloud.source->says_sensor() ? cloud.source->sensor(block) : std::nullopt;
-    }
     Point normal = normals[i];
     if (normal.x == 0 && normal.y == 0 && normal.z == 0) continue;
     const Point& p = cloud.points[i];

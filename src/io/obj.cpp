@@ -133,7 +133,7 @@ class ObjSource : public TextSource {
 
 }  // namespace
 
-std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name, const Reading&) {
   const std::string_view text = bytes.view();
   TextLayout layout;
   layout.begin = byte_order_mark(text);
@@ -156,7 +156,7 @@ std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name) {
   return std::make_shared<ObjSource>(std::move(bytes), name, Format::obj, std::move(layout));
 }
 
-void write_obj(Table table, Output& out) {
+void write_obj(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const ByteColors colors = colors_as_bytes(table);
   const auto normals = normal_columns(table);

@@ -240,10 +240,9 @@ void use_words(const OffHeader& header, std::string_view text, const std::string
     fail(name, "its vertices do not stand on lines of their own, so their colours cannot be told apart");
   layout.shape = {RowRule::words, header.line_end, 3U + (header.normals ? 3U : 0U) + (header.texture ? 2U : 0U)};
   const std::uint64_t words = count_words(text), points = words / layout.shape.words;
-  if (points < header.points) {
+  if (points < header.points)
     fail(name, "header promises " + std::to_string(header.points) + " points, file ends after " +
                    std::to_string(points) + "; copy the file again or correct the header");
-  }
   if (text.find('#') != std::string_view::npos)
     fail(name, "has remarks among vertices that do not stand on lines of their own; remove them");
   layout.rows = find_rows(text, layout.shape);
@@ -261,10 +260,9 @@ TextLayout make_layout(OffHeader& header, std::string_view text, const std::stri
   const bool lines = has_lines_of_vertices(header, layout, body);
   std::size_t words = lines ? words_of(first_row(body, layout)).size() : 0;
   header.faces_have_lines = lines && layout.rows.count() - header.points == header.faces;
-  if (lines && words < 6 && layout.rows.count() == header.points && header.faces > 0) {
+  if (lines && words < 6 && layout.rows.count() == header.points && header.faces > 0)
     fail(name, "header promises " + std::to_string(header.points) + " points and " + std::to_string(header.faces) +
                    " faces, file holds 0 lines of faces; correct the header");
-  }
   if (!header.faces_have_lines && (!lines || words >= 6)) {
     use_words(header, body, name, layout);
     words = layout.shape.words;
@@ -277,19 +275,18 @@ TextLayout make_layout(OffHeader& header, std::string_view text, const std::stri
 
 }  // namespace
 
-std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name, const Reading&) {
   OffHeader header = HeaderReader(bytes.view(), name).read();
   if (header.points == 0) fail(name, "has no points; choose another file");
   TextLayout layout = make_layout(header, bytes.view(), name);
   const auto source = std::make_shared<OffSource>(header, std::move(bytes), name, std::move(layout));
-  if (!header.faces_have_lines && !source->ends_with_faces()) {
+  if (!header.faces_have_lines && !source->ends_with_faces())
     fail(name, "header promises " + std::to_string(header.points) + " points and " + std::to_string(header.faces) +
                    " faces, file holds more lines; correct the header");
-  }
   return source;
 }
 
-void write_off(Table table, Output& out) {
+void write_off(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const ByteColors colors = colors_as_bytes(table);
   const bool colored = !colors.values.empty();

@@ -5,7 +5,6 @@
 #include <array>
 #include <atomic>
 #include <cerrno>
-#include <cstdio>
 #include <optional>
 #include <system_error>
 #include <utility>
@@ -189,9 +188,8 @@ std::unique_ptr<Output> open_output(const fs::path& path, bool overwrite, bool s
 }  // namespace io
 
 void remove_unfinished_files() noexcept {
-  for (const io::UnfinishedFile& file : io::unfinished) {
+  for (const io::UnfinishedFile& file : io::unfinished)
     if (file.state == io::UnfinishedFile::live) platform::remove_file(file.path.data());
-  }
 }
 
 }  // namespace pointfair

@@ -9,7 +9,6 @@
 
 #include "io/camera_centre.hpp"
 #include "io/colors.hpp"
-#include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
@@ -36,9 +35,8 @@ void write_compressed(std::string_view data, Output& out) {
   for_each_block(pieces.size(), [&](std::size_t p) { lzf_compress(data.substr(p * kPiece, kPiece), pieces[p]); });
   std::size_t size = 0;
   for (const std::string& piece : pieces) size += piece.size();
-  if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max()) {
+  if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max())
     throw Error(ErrorKind::usage, "a compressed PCD file holds at most 4 GiB; choose the binary encoding");
-  }
   std::string sizes;
   append_size(sizes, size);
   append_size(sizes, data.size());
@@ -71,12 +69,9 @@ void write_data(const std::vector<TableColumn>& columns, std::size_t points, Enc
 }
 
 TableColumn coordinate_column(const std::vector<Position>& positions, std::size_t axis, NativeType type) {
-  TableColumn column;
-  static_cast<Column&>(column) = {std::string(1, static_cast<char>('x' + axis)), type, 1};
-  column.data.resize(positions.size() * size_of(type));
-  for (std::size_t i = 0; i < positions.size(); ++i) {
+  TableColumn column = zero_column({std::string(1, "xyz"[axis]), type}, positions.size());
+  for (std::size_t i = 0; i < positions.size(); ++i)
     store_double(column.data.data() + i * size_of(type), type, false, positions[i][axis]);
-  }
   return column;
 }
 
@@ -196,9 +191,8 @@ class PcdSource : public Base {
       this->patch(block, moves, edits.replaced, data.data(), 0, 0);
     });
     if (!moved && edits.added.empty()) return out.write(this->bytes());
-    for (const Attribute* attribute : edits.added) {
+    for (const Attribute* attribute : edits.added)
       data.append(reinterpret_cast<const char*>(attribute->data.data()), attribute->data.size());
-    }
     out.write(header(edits.added));
     write_compressed(data, out);
   }
@@ -220,12 +214,11 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
   layout.rows = find_rows(bytes.view().substr(layout.begin), layout.shape);
   layout.count = header.points();
   layout.exact = true;
-  if (const std::uint64_t found = layout.rows.count(); found != layout.count) {
+  if (const std::uint64_t found = layout.rows.count(); found != layout.count)
     fail_count(name, layout.count,
                found < layout.count
                    ? "file ends after " + std::to_string(found) + "; copy the file again or correct the header"
                    : "file holds " + std::to_string(found) + "; correct the header");
-  }
   if (header.record_size() / 8 > bytes.view().size()) fail(name, "COUNT names more values than the file has");
   for (std::size_t f = 0; f < header.fields.size(); ++f) {
     const Column& field = header.fields[f];
@@ -244,21 +237,17 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
 }
 
 RecordLayout record_layout(const PcdHeader& header, bool field_after_field) {
-  RecordLayout layout;
-  layout.begin = header.text.size();
-  layout.count = header.points();
-  layout.xyz = header.xyz;
-  layout.record_size = header.record_size();
-  layout.swap = kSwap;
+  RecordLayout layout{.begin = header.text.size(),
+                      .count = header.points(),
+                      .xyz = header.xyz,
+                      .record_size = header.record_size(),
+                      .swap = kSwap};
   std::size_t offset = 0;
   for (const Column& column : header.fields) {
-    RecordField field;
-    static_cast<Column&>(field) = column;
-    field.offset = field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset;
-    field.stride = field_after_field ? column_bytes(column) : layout.record_size;
-    field.padding = is_padding(column);
+    layout.fields.push_back({column, field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset,
+                             field_after_field ? column_bytes(column) : layout.record_size, std::nullopt,
+                             is_padding(column)});
     offset += column_bytes(column);
-    layout.fields.push_back(std::move(field));
   }
   return layout;
 }
@@ -267,17 +256,15 @@ std::shared_ptr<Source> read_plain(FileBytes bytes, PcdHeader header, const std:
   const std::string_view data = bytes.view().substr(header.text.size());
   const std::size_t record = header.record_size();
   const std::uint64_t room = data.size() / record;
-  if (header.points() > room) {
+  if (header.points() > room)
     fail_count(name, header.points(),
                "file ends after " + std::to_string(room) + "; copy the file again or correct the header");
-  }
   const std::string_view points = data.substr(0, static_cast<std::size_t>(header.points()) * record);
   // Some writers round the size up.
-  if (data.substr(points.size()).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+  if (data.substr(points.size()).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos)
     fail_count(
         name, header.points(),
         std::to_string(data.size() - points.size()) + " bytes follow the last; correct the header or cut the file");
-  }
   RecordLayout layout = record_layout(header, false);
   return std::make_shared<PcdSource<RecordSource>>(std::move(header), nullptr, std::move(bytes), name, Format::pcd,
                                                    Encoding::binary, std::move(layout), points);
@@ -289,21 +276,18 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
   const std::uint64_t packed = load<std::uint32_t>(data.data(), kSwap);
   const std::uint64_t size = load<std::uint32_t>(data.data() + 4, kSwap);
   data.remove_prefix(kSizesBytes);
-  if (packed > data.size()) {
+  if (packed > data.size())
     fail(name, "header promises " + std::to_string(packed) + " bytes of compressed data, file ends after " +
                    std::to_string(data.size()) + "; copy it again");
-  }
   const std::size_t record = header.record_size();
-  if (header.points() != size / record || size % record != 0) {
+  if (header.points() != size / record || size % record != 0)
     fail_count(name, header.points(),
                "the compressed data holds " + std::to_string(size / record) + "; correct the header");
-  }
   data = data.substr(0, static_cast<std::size_t>(packed));
   std::unique_ptr<char[]> unpacked;
   if (size / kLzfLargestRatio <= packed) unpacked = std::make_unique_for_overwrite<char[]>(size);
-  if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size))) {
+  if (!unpacked || !lzf_decompress(data, unpacked.get(), static_cast<std::size_t>(size)))
     fail(name, "the compressed data is damaged; copy the file again");
-  }
   const std::string_view points(unpacked.get(), static_cast<std::size_t>(size));
   RecordLayout layout = record_layout(header, true);
   return std::make_shared<PcdSource<RecordSource>>(std::move(header), std::move(unpacked), std::move(bytes), name,
@@ -314,9 +298,7 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
 void pack_colors(Table& table) {
   const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
   if (colors.empty()) return;
-  TableColumn packed;
-  static_cast<Column&>(packed) = {"rgb", NativeType::float32, 1};
-  packed.data.resize(4 * colors.size());
+  TableColumn packed = zero_column({"rgb", NativeType::float32}, colors.size());
   for (std::size_t i = 0; i < colors.size(); ++i) {
     const std::uint32_t value = static_cast<std::uint32_t>(colors[i][0] << 16 | colors[i][1] << 8 | colors[i][2]);
     std::memcpy(packed.data.data() + 4 * i, &value, sizeof value);
@@ -328,7 +310,7 @@ void pack_colors(Table& table) {
 
 }  // namespace
 
-std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);
   switch (header.encoding) {
     case Encoding::ascii:
@@ -340,20 +322,19 @@ std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name) {
   }
 }
 
-void write_pcd(Table table, Encoding encoding, Output& out) {
+void write_pcd(Table table, const Writing& writing, Output& out) {
   use_ply_names(table);
   pack_colors(table);
   std::vector<TableColumn> columns;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     columns.push_back(coordinate_column(table.positions, axis, native(table.coordinate_type)));
-  }
   for (TableColumn& column : table.columns) {
     if (column.name == "nx" || column.name == "ny" || column.name == "nz")
       column.name = "normal_" + column.name.substr(1);
     columns.push_back(std::move(column));
   }
-  out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, encoding));
-  write_data(columns, table.size(), encoding, out);
+  out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, writing.encoding));
+  write_data(columns, table.size(), writing.encoding, out);
 }
 
 }  // namespace pointfair::io

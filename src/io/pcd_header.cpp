@@ -24,17 +24,15 @@ char letter_of(NativeType type) {
 }
 
 std::optional<NativeType> type_of(std::string_view letter, std::string_view size) {
-  for (const NativeType type : kTypes) {
+  for (const NativeType type : kTypes)
     if (letter == std::string(1, letter_of(type)) && size == std::to_string(size_of(type))) return type;
-  }
   return std::nullopt;
 }
 
 std::string upper_case(std::string_view word) {
   std::string upper(word);
-  for (char& c : upper) {
+  for (char& c : upper)
     if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  }
   return upper;
 }
 
@@ -131,17 +129,15 @@ class HeaderParser {
         (!counts_.empty() && counts_.size() != names_.size())) {
       fail(name_, "FIELDS, SIZE, TYPE and COUNT do not have as many entries; correct the header");
     }
-    if (names_.size() > kMaxColumns) {
+    if (names_.size() > kMaxColumns)
       fail(name_, "has " + std::to_string(names_.size()) + " fields, but at most " + std::to_string(kMaxColumns) +
                       " can be read; leave some out");
-    }
     for (std::size_t f = 0; f < names_.size(); ++f) {
       const auto type = type_of(types_[f], sizes_[f]);
       const auto count = counts_.empty() ? std::optional<std::uint64_t>(1) : to_count(counts_[f]);
       if (!type) fail(name_, "the field " + quoted(names_[f]) + " has a TYPE and SIZE that PCD does not know");
-      if (!count || *count == 0 || *count > 1'000'000) {
+      if (!count || *count == 0 || *count > 1'000'000)
         fail(name_, "the field " + quoted(names_[f]) + " has no sensible COUNT; correct the header");
-      }
       header_.fields.push_back({std::string(names_[f]), *type, static_cast<std::uint32_t>(*count)});
     }
     find_xyz();
@@ -154,27 +150,23 @@ class HeaderParser {
       const std::string wanted(1, static_cast<char>('x' + axis));
       auto found = std::find(names_.begin(), names_.end(), wanted);
       if (found == names_.end()) found = std::find(names_.begin(), names_.end(), upper_case(wanted));
-      if (found == names_.end()) {
+      if (found == names_.end())
         fail(name_, "there is no field '" + wanted + "', there are " + listed({names_.begin(), names_.end()}) +
                         "; name the coordinates x, y, z");
-      }
       header_.xyz[axis] = static_cast<std::size_t>(found - names_.begin());
-      if (header_.fields[header_.xyz[axis]].components != 1) {
+      if (header_.fields[header_.xyz[axis]].components != 1)
         fail(name_, "the field '" + wanted + "' is a list; a coordinate must be one number");
-      }
     }
   }
 
   void find_points() {
     header_.width = width_.value_or(points_.value_or(0));
     header_.height = height_.value_or(1);
-    if (header_.height != 0 && header_.width > UINT64_MAX / header_.height) {
+    if (header_.height != 0 && header_.width > UINT64_MAX / header_.height)
       fail(name_, "WIDTH x HEIGHT is too large; correct the header");
-    }
-    if (points_ && *points_ != header_.points()) {
+    if (points_ && *points_ != header_.points())
       fail(name_, "WIDTH x HEIGHT is " + std::to_string(header_.points()) + " points, POINTS says " +
                       std::to_string(*points_) + "; correct the header");
-    }
     if (header_.points() == 0) fail(name_, "has no points; choose another file");
   }
 

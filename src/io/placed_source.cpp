@@ -145,10 +145,9 @@ Cloud placed(const Cloud& cloud, std::vector<Position> positions, std::optional<
 }  // namespace io
 
 void set_positions(Cloud& cloud, std::span<const Position> wanted) {
-  if (wanted.size() != cloud.points.size()) {
+  if (wanted.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, the array " +
                                       std::to_string(wanted.size()) + "; a cloud keeps its number of points");
-  }
   std::vector<Position> now(wanted.size());
   positions(cloud, now);
   Cloud moved = cloud;

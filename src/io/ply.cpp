@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading PLY, and writing back a PLY file with moved points.
 #include <algorithm>
-#include <limits>
 
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
@@ -33,12 +32,10 @@ std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string&
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const std::string wanted(1, static_cast<char>('x' + axis));
     xyz[axis] = find_property(vertex, wanted);
-    if (xyz[axis] == vertex.properties.size()) {
+    if (xyz[axis] == vertex.properties.size())
       fail(name, "the points have no property '" + wanted + "'; name the coordinates x, y, z in the header");
-    }
-    if (vertex.properties[xyz[axis]].list_count) {
+    if (vertex.properties[xyz[axis]].list_count)
       fail(name, "property '" + wanted + "' of the points is a list; a coordinate must be one number");
-    }
   }
   return xyz;
 }
@@ -70,9 +67,8 @@ void put_added(const AddedAttributes& added, std::uint64_t point, PlyEmitter& em
   for (const Attribute* attribute : added) {
     const std::size_t size = pointfair::size_of(attribute->type);
     const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
-    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size)
       emitter.put(load_double(from, native(attribute->type), false), native(attribute->type));
-    }
   }
 }
 
@@ -219,21 +215,15 @@ class PlySource : public Base {
 };
 
 RecordLayout record_layout(const PlyFile& file, const std::string& name) {
-  RecordLayout layout;
-  layout.begin = file.begins[file.header.vertex];
-  layout.count = file.vertex().count;
-  layout.swap = must_swap(file.header.encoding);
-  layout.xyz = find_xyz(file.vertex(), name);
-  layout.record_size = record_size(file.vertex()).value_or(0);
+  RecordLayout layout{.begin = file.begins[file.header.vertex],
+                      .count = file.vertex().count,
+                      .xyz = find_xyz(file.vertex(), name),
+                      .record_size = record_size(file.vertex()).value_or(0),
+                      .swap = must_swap(file.header.encoding)};
   std::size_t offset = 0;
   for (const PlyProperty& property : file.vertex().properties) {
-    RecordField field;
-    static_cast<Column&>(field) = {property.name, property.type, 1};
-    field.offset = offset;
-    field.stride = layout.record_size;
-    field.list_count = property.list_count;
+    layout.fields.push_back({{property.name, property.type}, offset, layout.record_size, property.list_count});
     offset += size_of(property.type);
-    layout.fields.push_back(std::move(field));
   }
   return layout;
 }
@@ -250,9 +240,7 @@ std::size_t walk_lists(std::string_view bytes, std::size_t at, const PlyHeader& 
   for (std::uint64_t row = 0; row < element.count; ++row) {
     if (starts) starts->push_back(at - begin);
     for (const PlyProperty& property : element.properties) {
-      RecordField field;
-      field.type = property.type;
-      field.list_count = property.list_count;
+      const RecordField field{{property.name, property.type}, 0, 0, property.list_count};
       const std::string_view rest = bytes.substr(at);
       const auto size = property.list_count ? list_bytes(rest, field, must_swap(header.encoding))
                                             : std::optional(size_of(property.type));
@@ -282,9 +270,8 @@ std::shared_ptr<Source> read_binary(FileBytes bytes, PlyFile file, const std::st
   }
   file.begins.push_back(at);
   // Some writers end a binary file with a line end.
-  if (view.substr(at).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos) {
+  if (view.substr(at).find_first_not_of(std::string_view("\r\n\0", 3)) != std::string_view::npos)
     fail_long(name, elements.back(), std::to_string(view.size() - at) + " bytes follow the last");
-  }
   RecordLayout layout = record_layout(file, name);
   layout.starts = std::move(starts);
   const std::string_view points = view.substr(layout.begin, file.begins[file.header.vertex + 1] - layout.begin);
@@ -332,9 +319,8 @@ bool find_wrapped(std::string_view bytes, PlyFile& file, const std::string& name
     cursor.begin_row();
     for (const PlyElement& element : file.header.elements) {
       begins.push_back(cursor.position());
-      for (std::uint64_t row = 0; row < element.count; ++row) {
+      for (std::uint64_t row = 0; row < element.count; ++row)
         for (const PlyProperty& property : element.properties) cursor.skip(property);
-      }
     }
   } catch (const Error&) {
     return false;
@@ -374,9 +360,8 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::str
     row += element.count;
   }
   file.begins.push_back(bytes.view().size());
-  if (row < rows.count()) {
+  if (row < rows.count())
     fail_long(name, file.header.elements.back(), std::to_string(rows.count() - row) + " more lines follow");
-  }
   TextLayout layout = text_layout(file, shape, std::move(rows), first_row, name);
   return std::make_shared<PlySource<TextSource>>(std::move(file), std::move(bytes), name, Format::ply,
                                                  std::move(layout));
@@ -384,7 +369,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PlyFile file, const std::str
 
 }  // namespace
 
-std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name, const Reading&) {
   PlyFile file;
   file.header = parse_ply_header(bytes.view(), name);
   find_xyz(file.vertex(), name);

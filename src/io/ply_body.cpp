@@ -56,9 +56,8 @@ double PlyCursor::next(NativeType type) {
 std::uint64_t PlyCursor::next_list_size(const PlyProperty& property) {
   const double size = next(*property.list_count);
   const std::size_t left = encoding_ == Encoding::ascii ? line_.size() : (file_.size() - at_) / size_of(property.type);
-  if (!(size >= 0 && size <= static_cast<double>(left))) {
+  if (!(size >= 0 && size <= static_cast<double>(left)))
     fail(name_, "the list '" + property.name + "' is longer than the file; it is cut off or damaged");
-  }
   return static_cast<std::uint64_t>(size);
 }
 

@@ -17,9 +17,8 @@ constexpr std::array<std::string_view, 8> kSizedNames = {"int8",  "uint8",  "int
                                                          "int32", "uint32", "float32", "float64"};
 
 std::optional<NativeType> type_named(std::string_view name) {
-  for (std::size_t i = 0; i < kTypeNames.size(); ++i) {
+  for (std::size_t i = 0; i < kTypeNames.size(); ++i)
     if (name == kTypeNames[i] || name == kSizedNames[i]) return static_cast<NativeType>(i);
-  }
   if (name == "bool") return NativeType::uint8;  // as several libraries of today write it
   if (name == "int64" || name == "long") return NativeType::int64;
   if (name == "uint64" || name == "ulong") return NativeType::uint64;
@@ -35,9 +34,8 @@ class HeaderParser {
 
   PlyHeader parse() {
     std::string_view line;
-    if (!take(line) || words_of(line) != std::vector<std::string_view>{"ply"}) {
+    if (!take(line) || words_of(line) != std::vector<std::string_view>{"ply"})
       fail(name_, "does not begin with 'ply'; is it another format?");
-    }
     bool format_seen = false;
     while (take(line)) {
       const auto words = words_of(line);
@@ -120,13 +118,11 @@ class HeaderParser {
     const auto is_vertex = [](const PlyElement& e) { return e.name == "vertex"; };
     const auto vertex = std::find_if(header_.elements.begin(), header_.elements.end(), is_vertex);
     if (vertex == header_.elements.end()) fail(name_, "the header has no element 'vertex', so no points");
-    if (std::any_of(vertex + 1, header_.elements.end(), is_vertex)) {
+    if (std::any_of(vertex + 1, header_.elements.end(), is_vertex))
       fail(name_, "the header has two elements 'vertex'; split the file");
-    }
-    if (vertex->properties.size() > kMaxColumns) {
+    if (vertex->properties.size() > kMaxColumns)
       fail(name_, "a vertex has " + std::to_string(vertex->properties.size()) + " properties, but at most " +
                       std::to_string(kMaxColumns) + " can be read; leave some out");
-    }
     for (const PlyElement& element : header_.elements) {  // its rows would be nothing, and any number of them
       if (element.count == 0 || !element.properties.empty()) continue;
       fail(name_, "the element '" + element.name + "' has no properties; remove it from the header");

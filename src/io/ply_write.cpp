@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/ply_body.hpp"
 #include "io/ply_header.hpp"
@@ -43,11 +42,11 @@ std::string new_header(const Table& table, Encoding encoding) {
 
 }  // namespace
 
-void write_ply(Table table, Encoding encoding, Output& out) {
+void write_ply(Table table, const Writing& writing, Output& out) {
   use_ply_names(table);
-  out.write(new_header(table, encoding));
+  out.write(new_header(table, writing.encoding));
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
-    PlyEmitter emitter(buffer, encoding);
+    PlyEmitter emitter(buffer, writing.encoding);
     for (const double value : table.positions[i]) emitter.put(value, native(table.coordinate_type));
     for (const TableColumn& column : table.columns) {
       const double value = load_double(column.data.data() + i * column_bytes(column), column.type, false);
@@ -58,7 +57,7 @@ void write_ply(Table table, Encoding encoding, Output& out) {
   const FaceTypes types = face_types(table);
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
     const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1], end = table.faces.ends[face];
-    PlyEmitter emitter(buffer, encoding);
+    PlyEmitter emitter(buffer, writing.encoding);
     emitter.put(static_cast<double>(end - begin), types.count);
     for (std::uint64_t c = begin; c < end; ++c) emitter.put(table.faces.corners[c], types.corner);
     if (!table.faces.texture.empty()) {

@@ -38,13 +38,9 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
            std::string("unknown format; say which it is (--in-format), or name the file ") + io::kKnownExtensions);
 }
 
-bool has_columns(Format format) {
-  return format == Format::xyz || format == Format::txt || format == Format::csv || format == Format::pts;
-}
-
 // Refuses --columns and --skip where there are no columns, and text in which every letter takes two bytes.
 void check_text(std::string_view bytes, const std::string& name, Format format, const ReadOptions& options) {
-  if (!has_columns(format) && (!options.columns.empty() || options.skip_lines > 0))
+  if (io::row_of(format).read != io::read_xyz && (!options.columns.empty() || options.skip_lines > 0))
     throw Error(ErrorKind::usage,
                 name + ": --columns and --skip are for text files with columns of numbers; leave them out");
   if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF"))
@@ -54,34 +50,7 @@ void check_text(std::string_view bytes, const std::string& name, Format format, 
 std::shared_ptr<Source> parse(io::FileBytes bytes, const std::string& name, Format format, const ReadOptions& options,
                               io::Residence residence = io::Residence::memory) {
   check_text(bytes.view(), name, format, options);
-  switch (format) {
-    case Format::ply:
-      return io::read_ply(std::move(bytes), name);
-    case Format::pcd:
-      return io::read_pcd(std::move(bytes), name);
-    case Format::off:
-      return io::read_off(std::move(bytes), name);
-    case Format::obj:
-      return io::read_obj(std::move(bytes), name);
-    case Format::las:
-    case Format::laz:
-      return io::read_las(std::move(bytes), name, residence);
-    case Format::e57:
-      return io::read_e57(std::move(bytes), name);
-    case Format::ptx:
-      return io::read_ptx(std::move(bytes), name);
-    case Format::stl:
-      return io::read_stl(std::move(bytes), name);
-    case Format::npy:
-      return io::read_npy(std::move(bytes), name);
-    case Format::glb:
-      return io::read_gltf(std::move(bytes), name);
-    case Format::kitti:
-    case Format::nuscenes:
-      return io::read_floats(std::move(bytes), name, format);
-    default:
-      return io::read_xyz(std::move(bytes), name, format, options);
-  }
+  return io::row_of(format).read(std::move(bytes), name, {format, options, residence});
 }
 
 Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions& options) {

@@ -59,9 +59,8 @@ std::size_t RecordSource::record_begin(std::uint64_t point) const {
 }
 
 std::size_t RecordSource::locate(std::uint64_t point, std::size_t field) const {
-  if (layout_.starts.empty()) {
+  if (layout_.starts.empty())
     return layout_.fields[field].offset + static_cast<std::size_t>(point) * layout_.fields[field].stride;
-  }
   std::size_t at = record_begin(point);
   for (std::size_t f = 0; f < field; ++f) {
     const RecordField& before = layout_.fields[f];
@@ -76,17 +75,15 @@ void RecordSource::positions(std::size_t block, std::span<Position> out) const {
     const std::size_t f = layout_.xyz[axis];
     const RecordField& field = layout_.fields[f];
     if (!layout_.starts.empty()) {
-      for (std::size_t i = 0; i < out.size(); ++i) {
+      for (std::size_t i = 0; i < out.size(); ++i)
         out[i][axis] = load_double(points_.data() + locate(first + i, f), field.type, layout_.swap);
-      }
       continue;
     }
     const char* const from = points_.data() + locate(first, f);
     const std::size_t stride = field.stride;
     const auto read = [&](auto tag, auto swap) {
-      for (std::size_t i = 0; i < out.size(); ++i) {
+      for (std::size_t i = 0; i < out.size(); ++i)
         out[i][axis] = static_cast<double>(load<decltype(tag)>(from + i * stride, swap));
-      }
     };
     with_type(field.type, [&](auto tag) { layout_.swap ? read(tag, std::true_type{}) : read(tag, std::false_type{}); });
   }
@@ -131,9 +128,8 @@ void RecordSource::extract_block(std::size_t index, std::size_t block, std::span
   char* to = out.data();
   for (std::uint64_t point = block_begin(block); point < block_begin(block + 1); ++point) {
     const char* from = points_.data() + locate(point, f);
-    for (std::uint32_t c = 0; c < field.components; ++c, to += size) {
+    for (std::uint32_t c = 0; c < field.components; ++c, to += size)
       copy_scalar(to, from + c * size, size, layout_.swap);
-    }
   }
 }
 
@@ -145,9 +141,8 @@ void RecordSource::patch(std::size_t block, const Moves& moves, const std::vecto
     const RecordField& field = layout_.fields[f];
     for (std::size_t i = 0; i < moves.changed.size(); ++i) {
       char* at = to + (locate(first + i, f) - base) + i * extra_per_point;
-      for (std::uint32_t c = 0; c < field.components; ++c, at += size_of(field.type)) {
+      for (std::uint32_t c = 0; c < field.components; ++c, at += size_of(field.type))
         store_double(at, field.type, layout_.swap, replacement.value(first + i, c));
-      }
     }
   }
   for (std::size_t i = 0; i < moves.changed.size(); ++i) {

@@ -12,9 +12,9 @@
 namespace pointfair::io {
 
 struct RecordField : Column {
-  std::size_t offset = 0;                ///< of the first point's value in the points' bytes
-  std::size_t stride = 0;                ///< from one point's value to the next point's
-  std::optional<NativeType> list_count;  ///< a list: the type of its count, which comes first
+  std::size_t offset = 0;                  ///< of the first point's value in the points' bytes
+  std::size_t stride = 0;                  ///< from one point's value to the next point's
+  std::optional<NativeType> list_count{};  ///< a list: the type of its count, which comes first
   bool padding = false;
 };
 
@@ -23,9 +23,9 @@ struct RecordField : Column {
 struct RecordLayout {
   std::size_t begin = 0;  ///< of the points in the file
   std::uint64_t count = 0;
-  std::vector<RecordField> fields;
+  std::vector<RecordField> fields{};
   std::array<std::size_t, 3> xyz{};  ///< which fields are the coordinates
-  std::vector<std::uint64_t> starts;
+  std::vector<std::uint64_t> starts{};
   std::size_t record_size = 0;
   bool swap = false;
 };

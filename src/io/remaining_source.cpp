@@ -52,8 +52,7 @@ void RemainingSource::extract_block(std::size_t index, std::size_t block, std::s
 
 // Values of all points of the file; those that are left out have zeros.
 Attribute RemainingSource::of_all(const Attribute& remaining) const {
-  Attribute all;
-  static_cast<AttributeInfo&>(all) = remaining;
+  Attribute all{remaining, {}};
   const std::size_t bytes = remaining.data.size() / std::max<std::size_t>(1, kept_.size());
   all.data.resize(static_cast<std::size_t>(file_->size()) * bytes);
   for (std::size_t k = 0; k < kept_.size(); ++k)
@@ -94,8 +93,7 @@ class MovedRemaining final : public MovedPoints {
 void RemainingSource::write(const Edits& edits, Encoding encoding, Output& out) const {
   std::vector<std::uint8_t> removed(static_cast<std::size_t>(file_->size()), 1);
   for (const std::uint32_t kept : kept_) removed[kept] = 0;
-  Cloud shell;
-  shell.origin = edits.cloud.origin;
+  Cloud shell{.origin = edits.cloud.origin};
   std::vector<Attribute> values;
   values.reserve(edits.added.size() + edits.replaced.size());
   const MovedRemaining moved(kept_, edits.cloud.points);
@@ -149,15 +147,13 @@ Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed) 
   if (removed.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "without_points: there are " + std::to_string(removed.size()) +
                                       " values, and the cloud has " + std::to_string(cloud.points.size()) + " points");
-  Cloud result;
-  result.origin = cloud.origin;
+  Cloud result{.origin = cloud.origin};
   for (std::size_t i = 0; i < removed.size(); ++i)
     if (removed[i] == 0) result.points.push_back(cloud.points[i]);
   if (result.points.empty() && !cloud.points.empty())
     throw Error(ErrorKind::usage, "without_points: no point would be left");
   for (const Attribute& all : cloud.added) {
-    Attribute& its = result.added.emplace_back();
-    static_cast<AttributeInfo&>(its) = all;
+    Attribute& its = result.added.emplace_back(Attribute{all, {}});
     const std::size_t bytes = all.data.size() / std::max<std::size_t>(1, removed.size());
     for (std::size_t i = 0; i < removed.size(); ++i)
       if (removed[i] == 0)

@@ -24,9 +24,8 @@ class RowWords {
     if (kind != ColumnKind::list) return true;
     const std::optional<std::uint64_t> count = to_count(word);
     if (!count) return false;
-    for (std::uint64_t i = 0; i < *count; ++i) {
+    for (std::uint64_t i = 0; i < *count; ++i)
       if (!next_word(rest_, word)) return false;
-    }
     word = {};
     return true;
   }

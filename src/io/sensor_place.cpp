@@ -9,7 +9,6 @@
 #include <optional>
 #include <string>
 
-#include "io/scalar.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {
@@ -64,9 +63,7 @@ void read_axis(std::string_view text, std::string_view name, const Cloud& cloud,
     refuse(text, "the cloud has no attribute '" + std::string(name) + "' of one number a point; it has " +
                      (has.empty() ? "none" : has));
   const Attribute values = attribute(cloud, name);
-  const auto* const from = reinterpret_cast<const char*>(values.data.data());
-  for (std::size_t i = 0; i < out.size(); ++i)
-    out[i][axis] = io::load_double(from + i * size_of(values.type), io::native(values.type), false);
+  for (std::size_t i = 0; i < out.size(); ++i) out[i][axis] = value_at(values, i);
 }
 
 }  // namespace

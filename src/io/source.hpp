@@ -3,7 +3,6 @@
 // Writing to the same format copies the bytes and patches the coordinates that moved.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
@@ -31,12 +32,9 @@ void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
   const std::size_t size = size_of(column.type), stride = column_bytes(column), rows = column.data.size() / stride;
   const auto names = component_names(column.name, column.components);
   for (std::size_t c = 0; c < names.size(); ++c) {
-    TableColumn part;
-    static_cast<Column&>(part) = {names[c], column.type, 1};
-    part.data.resize(rows * size);
-    for (std::size_t i = 0; i < rows; ++i) {
+    TableColumn part = zero_column({names[c], column.type}, rows);
+    for (std::size_t i = 0; i < rows; ++i)
       std::memcpy(part.data.data() + i * size, column.data.data() + i * stride + c * size, size);
-    }
     to.push_back(std::move(part));
   }
 }
@@ -47,12 +45,9 @@ void split_packed_color(const TableColumn& column, std::vector<TableColumn>& to)
   static constexpr int kShifts[] = {16, 8, 0, 24};
   const std::size_t rows = column.data.size() / 4;
   for (std::size_t c = 0; c < (column.name == "rgba" ? 4U : 3U); ++c) {
-    TableColumn part;
-    static_cast<Column&>(part) = {kNames[c], NativeType::uint8, 1};
-    part.data.resize(rows);
-    for (std::size_t i = 0; i < rows; ++i) {
+    TableColumn part = zero_column({kNames[c], NativeType::uint8}, rows);
+    for (std::size_t i = 0; i < rows; ++i)
       part.data[i] = static_cast<char>(load<std::uint32_t>(column.data.data() + 4 * i, false) >> kShifts[c] & 255);
-    }
     to.push_back(std::move(part));
   }
 }
@@ -66,10 +61,9 @@ bool is_unit_color(const TableColumn& column) {
 void use_floats(TableColumn& column) {
   const std::size_t size = size_of(column.type), rows = column.data.size() / size;
   std::vector<char> floats(rows * sizeof(float));
-  for (std::size_t i = 0; i < rows; ++i) {
+  for (std::size_t i = 0; i < rows; ++i)
     store_double(floats.data() + i * sizeof(float), NativeType::float32, false,
                  load_double(column.data.data() + i * size, column.type, false));
-  }
   column.type = NativeType::float32;
   column.data = std::move(floats);
 }
@@ -95,24 +89,27 @@ const TableColumn* Table::find(std::string_view name) const {
   return found == columns.end() ? nullptr : &*found;
 }
 
+TableColumn column_of(const Attribute& attribute) {
+  const char* const data = reinterpret_cast<const char*>(attribute.data.data());
+  return {{attribute.name, native(attribute.type), attribute.components}, {data, data + attribute.data.size()}};
+}
+
+TableColumn zero_column(Column column, std::size_t rows) {
+  TableColumn result{std::move(column), {}};
+  result.data.resize(rows * column_bytes(result));
+  return result;
+}
+
 Table make_table(const Cloud& cloud) {
   Table table;
   take_positions(cloud, table);
   if (cloud.source) {
-    for (const Column& its : cloud.source->columns()) {
-      TableColumn column;
-      static_cast<Column&>(column) = its;
-      column.data.resize(table.size() * column_bytes(column));
-      table.columns.push_back(std::move(column));
-    }
+    for (const Column& its : cloud.source->columns()) table.columns.push_back(zero_column(its, table.size()));
     cloud.source->extract_several(places_of(table.columns));
     table.faces = cloud.source->faces();
   }
   for (const Attribute& attribute : cloud.added) {
-    TableColumn column;
-    static_cast<Column&>(column) = {attribute.name, native(attribute.type), attribute.components};
-    const char* data = reinterpret_cast<const char*>(attribute.data.data());
-    column.data.assign(data, data + attribute.data.size());
+    TableColumn column = column_of(attribute);
     const auto own = std::find_if(table.columns.begin(), table.columns.end(),
                                   [&](const TableColumn& other) { return other.name == attribute.name; });
     if (own == table.columns.end()) {

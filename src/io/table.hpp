@@ -15,6 +15,10 @@ struct TableColumn : Column {
   std::vector<char> data;  ///< size * column_bytes bytes, native byte order
 };
 
+/// The attribute as a column, and a column of zeros for so many rows.
+TableColumn column_of(const Attribute& attribute);
+TableColumn zero_column(Column column, std::size_t rows);
+
 struct Table {
   ScalarType coordinate_type = ScalarType::float32;
   std::vector<Position> positions;

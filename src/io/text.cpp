@@ -129,9 +129,8 @@ std::vector<std::string_view> words_of(std::string_view line, char separator) {
 
 std::string lower_case(std::string_view word) {
   std::string lower(word);
-  for (char& c : lower) {
+  for (char& c : lower)
     if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  }
   return lower;
 }
 
@@ -275,9 +274,8 @@ std::uint64_t line_number(std::string_view text, const char* at) {
 
 std::string quoted(std::string_view word) {
   std::string shown(word.substr(0, 40));
-  for (char& c : shown) {
+  for (char& c : shown)
     if (static_cast<unsigned char>(c) < 32) c = '?';
-  }
   return "'" + shown + (word.size() > 40 ? "...'" : "'");
 }
 

@@ -22,9 +22,8 @@ void words_from(std::string_view line, const TextLayout& layout, std::size_t fir
   RowWords row(line, layout);
   ColumnKind kind{};
   std::string_view word;
-  for (std::size_t c = 0; c < first + words.size() && row.next(kind, word); ++c) {
+  for (std::size_t c = 0; c < first + words.size() && row.next(kind, word); ++c)
     if (c >= first) words[c - first] = word;
-  }
   end_at_remark(layout.shape, words);
 }
 
@@ -54,15 +53,13 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
 
 // What is read stays in proportion to the file, whatever its first lines promise.
 void TextSource::check_size() const {
-  if (layout_.columns.size() > kMaxTextColumns) {
+  if (layout_.columns.size() > kMaxTextColumns)
     fail(name(), "has " + std::to_string(layout_.columns.size()) + " columns, but at most " +
                      std::to_string(kMaxTextColumns) + " can be read; leave some out");
-  }
   constexpr std::uint64_t kValuesPerByte = 4;  // at least 2 bytes stand for a value
-  if (layout_.count > 0 && layout_.attributes.size() > kValuesPerByte * bytes().size() / layout_.count) {
+  if (layout_.count > 0 && layout_.attributes.size() > kValuesPerByte * bytes().size() / layout_.count)
     fail(name(), "most rows are much shorter than the first, which has " + std::to_string(layout_.columns.size()) +
                      " columns; repair the file");
-  }
 }
 
 std::uint64_t TextSource::block_begin(std::size_t block) const {
@@ -105,13 +102,11 @@ std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view li
     result[static_cast<std::size_t>(kind)] = word;
     ++found;
   }
-  if (found < 3 || (layout_.exact && columns < wanted)) {
+  if (found < 3 || (layout_.exact && columns < wanted))
     fail_at(line.data(), "too few values: " + quoted(line.substr(0, line.find('\r'))) +
                              "; points need x, y and z: repair or remove the line");
-  }
-  if (layout_.exact && row.next(kind, word)) {
+  if (layout_.exact && row.next(kind, word))
     fail_at(line.data(), "more values than the header names, from " + quoted(word) + " on; repair the line");
-  }
   return result;
 }
 

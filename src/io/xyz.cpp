@@ -33,9 +33,8 @@ class XyzSource : public TextSource {
     for (std::size_t c = front_.named; c < front_.names.size(); ++c)
       names += front_.names_separator + one_word(front_.names[c]);
     for (const Attribute* attribute : added) {
-      for (const std::string& name : component_names(attribute->name, attribute->components)) {
+      for (const std::string& name : component_names(attribute->name, attribute->components))
         names += front_.names_separator + one_word(name);
-      }
     }
     return text.insert(front_.names_end, names);
   }
@@ -104,15 +103,16 @@ void order_as_pts(Table& table) {
 
 }  // namespace
 
-std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, Format format, const ReadOptions& options) {
+std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, const Reading& reading) {
   const std::string_view text = bytes.view();
-  XyzFront front = read_xyz_front(text, name, options, format);
+  XyzFront front = read_xyz_front(text, name, reading.options, reading.format);
   TextLayout layout = make_layout(front, text);
   if (front.count) check_count(front, layout, text, name);
-  return std::make_shared<XyzSource>(std::move(front), std::move(bytes), name, format, std::move(layout));
+  return std::make_shared<XyzSource>(std::move(front), std::move(bytes), name, reading.format, std::move(layout));
 }
 
-void write_xyz(Table table, Format format, Output& out) {
+void write_xyz(Table table, const Writing& writing, Output& out) {
+  const Format format = writing.format;
   use_ply_names(table, format == Format::csv || format == Format::txt ? ColorDepth::any : ColorDepth::bytes);
   const char separator = format == Format::csv ? ',' : ' ';
   if (format == Format::pts) order_as_pts(table);

@@ -2,7 +2,6 @@
 #include "io/xyz_front.hpp"
 
 #include <algorithm>
-#include <filesystem>
 
 #include "io/column_names.hpp"
 #include "io/file_bytes.hpp"
@@ -87,10 +86,9 @@ class FrontReader {
     for (;;) {
       front_.end = text_.size() - rest_.size();
       if (!next_line(rest_, line, front_.line_end)) fail_without_rows();
-      if (line.find('\0') != std::string_view::npos) {
+      if (line.find('\0') != std::string_view::npos)
         fail(name_, "line " + std::to_string(line_number(text_, line.data())) +
                         ": holds bytes that are no text; is it another format, or damaged?");
-      }
       if (!is_row(line, RowRule::uncommented)) {
         take_remark(line);
       } else if (!take_count(line)) {
@@ -271,9 +269,8 @@ class FrontReader {
     while (next_line(rows, line, front_.line_end)) {
       if (!is_row(line, RowRule::uncommented)) continue;
       const Words words = words_of(line, front_.separator);
-      for (const std::size_t axis : front_.coordinates) {
+      for (const std::size_t axis : front_.coordinates)
         if (axis < words.size() && is_comma_number(words[axis])) front_.decimal = ',';
-      }
     }
   }
 

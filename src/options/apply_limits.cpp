@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/limits.hpp"
-
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <limits>
+
+#include "pointfair/limits.hpp"
 
 namespace pointfair {
 namespace {
@@ -69,9 +69,8 @@ Lasso lasso_of(std::string_view text) {
 }
 
 bool is_inside(const Box& box, const std::array<double, 3>& p) {
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     if (!(p[axis] >= box.min[axis] && p[axis] <= box.max[axis])) return false;
-  }
   return true;
 }
 
@@ -156,9 +155,8 @@ Cloud without_ignored(const Limits& limits, const Cloud& cloud) {
   constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
   for (const Selection& selection : limits.ignore) {
     const std::vector<std::uint8_t> ignored = selected_points(selection, cloud);
-    for (std::size_t i = 0; i < ignored.size(); ++i) {
+    for (std::size_t i = 0; i < ignored.size(); ++i)
       if (ignored[i]) seen.points[i] = {kNan, kNan, kNan};
-    }
   }
   return seen;
 }
@@ -191,9 +189,8 @@ void apply_limits(const Limits& limits, std::span<const std::uint8_t> movable, s
                   std::span<Point> after) {
   if (before.size() != after.size() || (!movable.empty() && movable.size() != after.size()))
     throw Error(ErrorKind::usage, "limits: the clouds before and after must have as many points");
-  for (std::size_t i = 0; i < movable.size(); ++i) {
+  for (std::size_t i = 0; i < movable.size(); ++i)
     if (!movable[i]) after[i] = before[i];
-  }
   if (limits.strength == 1) return;
   const float share = float(limits.strength);
   for (std::size_t i = 0; i < after.size(); ++i) {

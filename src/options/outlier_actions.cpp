@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "options/outlier_values.hpp"
@@ -12,32 +11,20 @@ using Kind = OutlierAction::Kind;
 
 constexpr std::uint8_t kLowNoise = 7, kHighNoise = 18;
 
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
-
 bool is_thin(std::byte of_class) {
   const auto value = std::to_integer<unsigned>(of_class);
   return (value >= 3 && value <= 5) || (value >= 13 && value <= 16);
-}
-
-std::optional<AttributeInfo> find_info(const Cloud& cloud, const std::string& name) {
-  for (const AttributeInfo& info : attributes(cloud))
-    if (info.name == name) return info;
-  return std::nullopt;
 }
 
 bool is_one_byte(const AttributeInfo& info) { return info.type == ScalarType::uint8 && info.components == 1; }
 
 // The cloud's own values, or zeros.
 Attribute values_of(const Cloud& cloud, const std::string& name) {
-  if (const std::optional<AttributeInfo> info = find_info(cloud, name)) {
+  if (const std::optional<AttributeInfo> info = attribute_info(cloud, name)) {
     check_outlier_attribute(*info);
     return attribute(cloud, name);
   }
-  Attribute fresh;
-  fresh.name = name;
-  fresh.type = ScalarType::uint8;
-  fresh.data.resize(cloud.points.size());
-  return fresh;
+  return {{name, ScalarType::uint8}, std::vector<std::byte>(cloud.points.size())};
 }
 
 }  // namespace
@@ -85,7 +72,7 @@ OutlierOutcome act_on_outliers(const OutlierAction& action, std::span<const std:
     if (reasons[i] == 0 && is_finite(before[i])) heights.add(before[i]);
   heights.finish();
   std::vector<std::byte> classes;
-  if (const auto info = find_info(cloud, "classification"); info && is_one_byte(*info))
+  if (const auto info = attribute_info(cloud, "classification"); info && is_one_byte(*info))
     classes = attribute(cloud, "classification").data;
   const std::string name = attribute_of(action);
   Attribute values;

@@ -186,16 +186,14 @@ struct CheckField {
 }  // namespace
 
 Params paper_preset() {
-  Params params;
-  params.k = 8;
-  params.constraint = true;
-  params.normal_filter = NormalFilter::off;
-  params.area_weight = AreaWeight::squared;
-  params.offset = Offset::point;
-  params.relaxation = 1;
-  params.iterations = 1;
-  params.outliers = Outliers::off;
-  return params;
+  return {.k = 8,
+          .constraint = true,
+          .normal_filter = NormalFilter::off,
+          .area_weight = AreaWeight::squared,
+          .offset = Offset::point,
+          .relaxation = 1,
+          .outliers = Outliers::off,
+          .iterations = 1};
 }
 
 const ParamInfo* find_param(std::string_view name) {
@@ -257,11 +255,10 @@ Params in_file_units(const Params& params, std::optional<double> metres_per_unit
   for (const ParamInfo& info : kParams) {
     const auto* const field = std::get_if<Length Params::*>(&info.field);
     if (field == nullptr || (params.*(*field)).unit != Length::Unit::metre) continue;
-    if (!metres_per_unit) {
+    if (!metres_per_unit)
       throw Error(ErrorKind::usage, flag_of(info.name) +
                                         ": the cloud's file does not say how long its unit is; give the length in "
                                         "file units, without mm, cm, m or ft");
-    }
     result.*(*field) = (params.*(*field)).value / *metres_per_unit;
   }
   return result;

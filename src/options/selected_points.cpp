@@ -1,9 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "pointfair/selection.hpp"
-
 #include <algorithm>
 #include <charconv>
-#include <cstring>
+
+#include "pointfair/selection.hpp"
 
 namespace pointfair {
 namespace {
@@ -45,17 +44,6 @@ Selection parse_one(std::string_view name, std::string_view text) {
   return selection;
 }
 
-template <class T>
-void select_values(const Attribute& attribute, const Selection& selection, std::vector<std::uint8_t>& selected) {
-  for (std::size_t i = 0; i < selected.size(); ++i) {
-    T value;
-    std::memcpy(&value, attribute.data.data() + i * sizeof value, sizeof value);
-    selected[i] = std::any_of(selection.ranges.begin(), selection.ranges.end(), [&](const auto& range) {
-      return std::int64_t{value} >= range[0] && std::int64_t{value} <= range[1];
-    });
-  }
-}
-
 }  // namespace
 
 std::vector<Selection> parse_selections(std::string_view name, std::string_view text) {
@@ -84,28 +72,16 @@ std::string selections_text(const std::vector<Selection>& selections) {
 
 std::vector<std::uint8_t> selected_points(const Selection& selection, const Cloud& cloud) {
   const Attribute values = attribute(cloud, selection.attribute);
+  if (values.components != 1 || values.type == ScalarType::float32 || values.type == ScalarType::float64)
+    throw Error(ErrorKind::usage,
+                "the attribute '" + selection.attribute + "' is not one integer a point; choose another");
   std::vector<std::uint8_t> selected(cloud.points.size());
-  const auto select = [&](auto tag) { select_values<decltype(tag)>(values, selection, selected); };
-  if (values.components == 1) {
-    switch (values.type) {
-      case ScalarType::int8:
-        return select(std::int8_t{}), selected;
-      case ScalarType::uint8:
-        return select(std::uint8_t{}), selected;
-      case ScalarType::int16:
-        return select(std::int16_t{}), selected;
-      case ScalarType::uint16:
-        return select(std::uint16_t{}), selected;
-      case ScalarType::int32:
-        return select(std::int32_t{}), selected;
-      case ScalarType::uint32:
-        return select(std::uint32_t{}), selected;
-      default:
-        break;
-    }
+  for (std::size_t i = 0; i < selected.size(); ++i) {
+    const auto value = static_cast<std::int64_t>(value_at(values, i));
+    selected[i] = std::ranges::any_of(selection.ranges,
+                                      [&](const auto& range) { return value >= range[0] && value <= range[1]; });
   }
-  throw Error(ErrorKind::usage,
-              "the attribute '" + selection.attribute + "' is not one integer a point; choose another");
+  return selected;
 }
 
 }  // namespace pointfair

@@ -21,10 +21,9 @@ std::vector<std::uint32_t> nearest_neighbors(std::span<const Point> points, std:
   std::vector<std::uint32_t> found = k > 0 ? orient::nearest_neighbors(finite, k, stop) : std::vector<std::uint32_t>{};
   if (finite.size() == points.size()) return found;
   std::vector<std::uint32_t> result(points.size() * k, kNoNeighbor);
-  for (std::size_t i = 0; i < finite.size(); ++i) {
+  for (std::size_t i = 0; i < finite.size(); ++i)
     std::transform(found.begin() + i * k, found.begin() + (i + 1) * k, result.begin() + places[i] * k,
                    [&](std::uint32_t j) { return j == kNoNeighbor ? j : places[j]; });
-  }
   return result;
 }
 

@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "orient/agreement.hpp"
 #include "orient/neighbors.hpp"
@@ -36,8 +34,6 @@ struct Sample {
 
 float dot(const Point& a, const Point& b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 Point minus(const Point& a, const Point& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 // One of a normal and its opposite, the same whatever sign it came with.
 Point without_sign(const Point& n) {

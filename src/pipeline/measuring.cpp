@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a pipeline knows of its loaded cloud, measured or given, and the parameters that follow from it.
-#include <algorithm>
 #include <string>
 #include <utility>
 
@@ -88,13 +87,12 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
     used = resolve_once(asked, stop).params;
   });
   used.method = params.method;
-  if (!is_measured(asked)) {
+  if (!is_measured(asked))
     throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
                                       std::to_string(cloud.points()) + " points, " +
                                       std::to_string(sample().bounds.valid) +
                                       " of them finite; resolve the parameters on a cloud that shows one, or leave "
                                       "them automatic");
-  }
   return used;
 }
 

@@ -22,8 +22,7 @@ void Pipeline::State::noise(std::span<float> out, const Length& typical, const s
   if (out.size() != cloud.points())
     throw Error(ErrorKind::usage, "noise: the output holds " + std::to_string(out.size()) +
                                       " values, the loaded cloud " + std::to_string(cloud.points()) + " points");
-  Params params;
-  params.noise = typical;
+  Params params{.noise = typical};
   check_params(params);
   attempt([&] {
     measure({false, true}, IndexOrder::along_curve, stop);

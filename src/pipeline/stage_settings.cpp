@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "estimate/automatic.hpp"
-#include "estimate/constants.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair {

@@ -2,7 +2,6 @@
 #include "scale/given.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>
@@ -68,8 +67,7 @@ std::uint32_t half_at(const Histogram& histogram, std::uint64_t& rank) {
 }  // namespace
 
 Cloud part_of(const std::shared_ptr<const Source>& source, std::uint64_t first, std::span<const Point> points) {
-  Cloud part;
-  part.origin = source->origin();
+  Cloud part{.origin = source->origin()};
   part.points.assign(points.begin(), points.end());
   part.source = std::make_shared<io::PointsOfSource>(source, first, points.size());
   return part;

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/ingest.hpp"
 
-#include <algorithm>
 #include <atomic>
 #include <map>
 #include <tuple>
@@ -122,8 +121,7 @@ void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, cons
   const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
   const std::vector<Section> sections = sections_of(taken);
   const std::vector<std::uint32_t> order = Grouped(taken.group_of, taken.groups.size()).order;
-  PointsHeader header;
-  header.first_index = chunk.first_point;
+  PointsHeader header{.first_index = chunk.first_point};
   header.counts[kNonFinite] = chunk.points - order.size();
   header.counts[kIgnored] = taken.ignored;
   PointsWriter writer(path, header, sections, taken.shown);

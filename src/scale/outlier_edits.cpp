@@ -2,7 +2,6 @@
 #include "scale/outlier_edits.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <optional>
 #include <span>
@@ -26,10 +25,7 @@ std::optional<std::size_t> find_column(const Source& source, const std::string& 
 
 // The file's own values, or zeros.
 Attribute values_of(const Source& source, const std::string& name) {
-  Attribute values;
-  values.name = name;
-  values.type = ScalarType::uint8;
-  values.data.resize(static_cast<std::size_t>(source.size()));
+  Attribute values{{name, ScalarType::uint8}, std::vector<std::byte>(static_cast<std::size_t>(source.size()))};
   if (const auto column = find_column(source, name))
     source.extract(*column, {reinterpret_cast<char*>(values.data.data()), values.data.size()});
   return values;

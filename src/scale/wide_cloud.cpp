@@ -78,8 +78,7 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
       std::ranges::copy(some.marks, result.outliers.begin() + std::ptrdiff_t(some.first));
     });
   }
-  Cloud shell;
-  shell.origin = zones_.origin;
+  Cloud shell{.origin = zones_.origin};
   io::Edits edits{shell, {}, {}, {}};
   edits.moved = &moved;
   result.positions.resize(source_->size());

@@ -5,7 +5,6 @@
 #pragma once
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <limits>
 #include <vector>
@@ -38,7 +37,6 @@ inline Point shifted(const Point& p, const Position& shift) {
   return {shifted(p.x, shift[0]), shifted(p.y, shift[1]), shifted(p.z, shift[2])};
 }
 inline constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
-inline bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
 
 /// The offset of a point from an origin.
 inline Point offset(const Position& p, const Position& origin) {

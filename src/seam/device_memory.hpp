@@ -5,7 +5,6 @@
 #include <array>
 #include <functional>
 #include <span>
-#include <stop_token>
 #include <vector>
 
 #include "pointfair/device_points.hpp"

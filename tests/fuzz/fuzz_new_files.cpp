@@ -10,8 +10,6 @@ namespace {
 
 using namespace pointfair;
 
-bool is_finite(const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
-
 bool same_place(const Cloud& a, const Cloud& b) {
   if (a.points.size() != b.points.size()) return false;
   for (std::size_t i = 0; i < a.points.size(); ++i) {

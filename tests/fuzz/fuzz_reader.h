@@ -4,7 +4,6 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
@@ -34,15 +33,11 @@ bool accepted(const Call& call) {
 }
 
 inline Cloud read_as(const std::vector<std::byte>& bytes, Format format) {
-  ReadOptions options;
-  options.format = format;
-  options.threads = 1;
-  return read(bytes, "fuzz", options);
+  return read(bytes, "fuzz", {.format = format, .threads = 1});
 }
 
 // A new STL file is without triangles that have an invalid corner.
 inline bool has_all_points(const Cloud& again, const Cloud& cloud, Format format) {
-  const auto is_finite = [](const Point& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); };
   const bool all_finite = std::all_of(cloud.points.begin(), cloud.points.end(), is_finite);
   return again.points.size() == cloud.points.size() || (format == Format::stl && !all_finite);
 }
@@ -64,9 +59,8 @@ inline void write_changed(Cloud cloud, Format format) {
       require(has_all_points(again, cloud, format));
     });
   }
-  for (const Format other : {Format::ply, Format::pcd, Format::csv, Format::off, Format::obj}) {
+  for (const Format other : {Format::ply, Format::pcd, Format::csv, Format::off, Format::obj})
     accepted([&] { write_bytes(cloud, other); });
-  }
 }
 
 inline bool same_points(const Cloud& a, const Cloud& b) {

@@ -23,11 +23,8 @@ std::vector<std::string> columns_of(unsigned bits) {
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   if (size < 2) return 0;
   constexpr Format kFormats[] = {Format::xyz, Format::txt, Format::csv, Format::pts};
-  ReadOptions options;
-  options.threads = 1;
-  options.format = kFormats[data[0] >> 6];
-  options.columns = columns_of(data[0] & 63);
-  options.skip_lines = data[1];
+  ReadOptions options{
+      .format = kFormats[data[0] >> 6], .threads = 1, .columns = columns_of(data[0] & 63), .skip_lines = data[1]};
   const auto* const begin = reinterpret_cast<const std::byte*>(data) + 2;
   const std::vector<std::byte> bytes(begin, begin + size - 2);
   Cloud cloud;

@@ -19,13 +19,10 @@ inline constexpr unsigned kLazPoints = 60;
 
 /// A file of this point format, with extra bytes in it.
 inline LazParts make_parts(unsigned format) {
-  test::LasSpec spec;
-  spec.minor = 4;
-  spec.format = format;
-  spec.count = kLazPoints;
-  spec.plain_extra = 2;
-  spec.extended = false;
-  const Cloud cloud = read_as(as_bytes(test::make_las(spec)), Format::las);
+  const Cloud cloud = read_as(
+      as_bytes(
+          test::make_las({.minor = 4, .format = format, .count = kLazPoints, .extended = false, .plain_extra = 2})),
+      Format::las);
   const std::vector<std::byte> bytes = write_bytes(cloud, Format::laz);
   const std::string file(reinterpret_cast<const char*>(bytes.data()), bytes.size());
   const std::size_t begin = test::las_points_begin(file), table = test::las_get<std::uint64_t>(file, begin);

@@ -4,7 +4,8 @@
 #include <fstream>
 
 #include "e57_sample.h"
-#include "io_cases.h"
+#include "io/text.hpp"
+#include "io_variants.h"
 #include "laz_parts.h"
 
 namespace {
@@ -52,8 +53,7 @@ void put_scans_and_meshes(const fs::path& folder) {
   const std::string facet =
       "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n";
   put(folder / "fuzz_stl", "text", "solid a\n" + facet + facet + "endsolid a\n");
-  Cloud cloud;
-  cloud.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  Cloud cloud{.points = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}};
   const auto put_as = [&](Format format, const std::string& target, const std::string& name) {
     const auto bytes = write_bytes(cloud, format);
     put(folder / target, name, {reinterpret_cast<const char*>(bytes.data()), bytes.size()});
@@ -75,8 +75,9 @@ void put_scans_and_meshes(const fs::path& folder) {
 // As people write them; the formats of tables are fuzzed with all of those.
 void put_cases(const fs::path& folder) {
   int number = 0;
-  for (const test::Given& given : test::all_given()) {
-    const std::string name = std::to_string(number++), extension = fs::path(given.name).extension().string();
+  for (const test::Given& given : test::all_files()) {
+    const std::string name = std::to_string(number++),
+                      extension = io::lower_case(fs::path(given.name).extension().string());
     const bool is_table =
         extension == ".asc" || extension == ".csv" || extension == ".txt" || extension.starts_with(".xyz");
     if (is_table) {

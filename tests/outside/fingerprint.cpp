@@ -52,14 +52,8 @@ int main() {
   pipeline.load(points);
   print(pipeline, "paper", pointfair::paper_preset(), points.size());
   print(pipeline, "automatic", {}, points.size());
-  for (const int k : {5, 16, 32, 100}) {
-    Params params;
-    params.k = k;
-    params.area_weight = pointfair::AreaWeight::length;
-    print(pipeline, "list", params, points.size());
-  }
-  Params params;
-  params.radius = Length(4, Length::Unit::spacing);
-  print(pipeline, "radius", params, points.size());
+  for (const int k : {5, 16, 32, 100})
+    print(pipeline, "list", {.k = k, .area_weight = pointfair::AreaWeight::length}, points.size());
+  print(pipeline, "radius", {.radius = Length(4, Length::Unit::spacing)}, points.size());
   std::cerr << pipeline.device().name << '\n';
 }

@@ -5,21 +5,13 @@ coordinates. On files that it writes here, and on the public ones in POINTFAIR_D
 import os
 import pathlib
 import struct
-import subprocess
-import tempfile
 import unittest
 
 import packages
+from packages import pointfair
 
-BIN = os.environ["POINTFAIR_BIN"]
-np, pye57 = packages.use(os.environ["POINTFAIR_PACKAGES"], ["pye57==0.4.19", "numpy"], ["numpy", "pye57"])
+np, pye57 = packages.use(["pye57==0.4.19", "numpy"], ["numpy", "pye57"])
 COORDINATES = ("cartesianX", "cartesianY", "cartesianZ", "sphericalRange", "sphericalAzimuth", "sphericalElevation")
-
-
-def pointfair(*words):
-    done = subprocess.run([BIN, *map(str, words)], capture_output=True, text=True, timeout=300)
-    if done.returncode != 0:
-        raise AssertionError(f"{' '.join(map(str, words))}: {done.stderr}")
 
 
 def logical(path):
@@ -42,12 +34,7 @@ def sphere(count, noise, seed=1):
     return points
 
 
-class E57(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-
+class E57(packages.InFolder):
     def scans(self, path):
         file = pye57.E57(str(path))
         return [file.read_scan_raw(i, ignore_unsupported_fields=True) for i in range(file.scan_count)], file

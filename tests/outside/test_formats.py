@@ -2,33 +2,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of COPC, E57, NumPy, STL and glTF as others read and write them: laspy's own COPC reader with lazrs, libE57Format
 inside pye57, numpy, trimesh."""
-import os
-import pathlib
-import subprocess
-import tempfile
 import unittest
 
 import packages
+from packages import pointfair
 
-BIN = os.environ["POINTFAIR_BIN"]
-np, laspy, pye57, trimesh = packages.use(
-    os.environ["POINTFAIR_PACKAGES"], ["numpy", "laspy==2.7.0", "lazrs==0.8.2", "pye57==0.4.19", "trimesh==4.12.2"],
-    ["numpy", "laspy", "pye57", "trimesh"])
+np, laspy, pye57, trimesh = packages.use(["numpy", "laspy==2.7.0", "lazrs==0.8.2", "pye57==0.4.19", "trimesh==4.12.2"],
+                                         ["numpy", "laspy", "pye57", "trimesh"])
 from laspy.copc import Bounds, CopcReader  # noqa: E402
 
 
-def pointfair(*words):
-    done = subprocess.run([BIN, *map(str, words)], capture_output=True, text=True, timeout=300)
-    if done.returncode != 0:
-        raise AssertionError(f"{' '.join(map(str, words))}: {done.stderr}")
-    return done
-
-
-class Formats(unittest.TestCase):
+class Formats(packages.InFolder):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        super().setUp()
         self.random = np.random.default_rng(1)
 
     def survey(self, point_format, count=60000):

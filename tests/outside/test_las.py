@@ -8,25 +8,18 @@ import pathlib
 import struct
 import subprocess
 import sys
-import tempfile
 import unittest
 
 import packages
+from packages import pointfair
 
 BIN = os.environ["POINTFAIR_BIN"]
-np, laspy, lazrs, laszip = packages.use(os.environ["POINTFAIR_PACKAGES"], ["laspy==2.7.0", "lazrs==0.8.2", "laszip==0.3.0", "numpy"],
+np, laspy, lazrs, laszip = packages.use(["laspy==2.7.0", "lazrs==0.8.2", "laszip==0.3.0", "numpy"],
                                         ["numpy", "laspy", "lazrs", "laszip"])
 BACKENDS = {"lazrs": laspy.LazBackend.Lazrs, "LASzip": laspy.LazBackend.Laszip}
 WRITERS = {"lazrs": laspy.LazBackend.LazrsParallel, "LASzip": laspy.LazBackend.Laszip}
 WAVES = (4, 5, 9, 10)  # of which lazrs 0.8.2 writes what neither decoder reads back as it was
 POINTS = 3000
-
-
-def pointfair(*words):
-    done = subprocess.run([BIN, *map(str, words)], capture_output=True, text=True, timeout=300)
-    if done.returncode != 0:
-        raise AssertionError(f"{' '.join(map(str, words))}: {done.stderr}")
-    return done
 
 
 def records_of(path):
@@ -91,12 +84,7 @@ def read(path, backend):
         return file.read()
 
 
-class Las(unittest.TestCase):
-    def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
-
+class Las(packages.InFolder):
     def check_same_but_coordinates(self, before, after):
         for name, backend in BACKENDS.items():
             with self.subTest(decoder=name):

@@ -3,33 +3,19 @@
 """What we write as others read it: plyfile, meshio and trimesh, and Open3D where it is installed. N points for N, in
 their order, with their values."""
 import importlib.util
-import os
-import pathlib
-import subprocess
-import tempfile
 import unittest
 
 import packages
+from packages import pointfair
 
-BIN = os.environ["POINTFAIR_BIN"]
-np, plyfile, meshio, trimesh = packages.use(
-    os.environ["POINTFAIR_PACKAGES"], ["numpy", "plyfile==1.1", "meshio==5.3.5", "trimesh==4.12.2"],
-    ["numpy", "plyfile", "meshio", "trimesh"])
+np, plyfile, meshio, trimesh = packages.use(["numpy", "plyfile==1.1", "meshio==5.3.5", "trimesh==4.12.2"],
+                                            ["numpy", "plyfile", "meshio", "trimesh"])
 POINTS = 700
 
 
-def pointfair(*words):
-    done = subprocess.run([BIN, *map(str, words)], capture_output=True, text=True, timeout=300)
-    if done.returncode != 0:
-        raise AssertionError(f"{' '.join(map(str, words))}: {done.stderr}")
-    return done
-
-
-class Readers(unittest.TestCase):
+class Readers(packages.InFolder):
     def setUp(self):
-        folder = tempfile.TemporaryDirectory()
-        self.addCleanup(folder.cleanup)
-        self.folder = pathlib.Path(folder.name)
+        super().setUp()
         random = np.random.default_rng(3)
         self.xyz = np.round(random.uniform(-50, 50, (POINTS, 3)), 4)
         self.rgb = random.integers(0, 256, (POINTS, 3))

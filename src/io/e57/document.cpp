@@ -28,10 +28,9 @@ class Parser {
  public:
   Parser(const std::string& xml, const std::string& name) : name_(name) {
     const pugi::xml_parse_result result = document_.load_buffer(xml.data(), xml.size());
-    if (!result) {
+    if (!result)
       fail(name_, std::string("its XML section is damaged, ") + result.description() + " at byte " +
                       std::to_string(result.offset) + " of it; copy the file again");
-    }
   }
 
   Document parse() {
@@ -40,9 +39,8 @@ class Parser {
     Document document;
     document.library = root.child_value("e57LibraryVersion");
     document.coordinate_metadata = root.child_value("coordinateMetadata");
-    for (const pugi::xml_node scan : root.child("data3D").children("vectorChild")) {
+    for (const pugi::xml_node scan : root.child("data3D").children("vectorChild"))
       document.scans.push_back(parse_scan(scan, document.scans.size()));
-    }
     const auto images = root.child("images2D").children("vectorChild");
     document.images = static_cast<std::uint64_t>(std::distance(images.begin(), images.end()));
     return document;
@@ -90,10 +88,9 @@ class Parser {
     add_fields(points.child("prototype"), scan.fields);
     scan.cartesian = find(scan, {"cartesianX", "cartesianY", "cartesianZ"});
     scan.spherical = find(scan, {"sphericalRange", "sphericalAzimuth", "sphericalElevation"});
-    if (scan.records > 0 && !scan.cartesian && !scan.spherical) {
+    if (scan.records > 0 && !scan.cartesian && !scan.spherical)
       fail(name_,
            "scan " + std::to_string(index) + " has neither cartesian nor spherical coordinates; choose another file");
-    }
     const char* const state = scan.cartesian ? "cartesianInvalidState" : "sphericalInvalidState";
     const auto named = [&](const Field& field) { return field.name == state; };
     const auto found = std::find_if(scan.fields.begin(), scan.fields.end(), named);
@@ -122,9 +119,8 @@ class Parser {
     for (const pugi::xml_node node : parent.children()) {
       if (node.type() != pugi::node_element) continue;
       const std::string_view type = node.attribute("type").value();
-      if (type == "Structure" || type == "Vector") {
+      if (type == "Structure" || type == "Vector")
         fail(name_, "its points have fields within fields, which are not known; choose another file");
-      }
       fields.push_back(parse_field(node, type));
     }
   }
@@ -178,13 +174,10 @@ FileHeader parse_file_header(std::string_view file, const std::string& name) {
   if (file.size() < kPage) fail(name, "the file ends within its first page; copy it again");
   const auto number = [&](std::size_t at) { return load<std::uint64_t>(file.data() + at, kSwap); };
   const std::uint64_t length = number(16), xml_begin = number(24), xml_length = number(32), page = number(40);
-  if (page != kPage) {
-    fail(name, "has pages of " + std::to_string(page) + " bytes; only pages of 1024 are known");
-  }
-  if (length > file.size()) {
+  if (page != kPage) fail(name, "has pages of " + std::to_string(page) + " bytes; only pages of 1024 are known");
+  if (length > file.size())
     fail(name, "its header promises " + std::to_string(length) + " bytes, file ends after " +
                    std::to_string(file.size()) + "; copy it again");
-  }
   const std::uint64_t pages = file.size() / kPage;
   FileHeader header;
   header.xml_begin = to_logical(xml_begin);

@@ -129,11 +129,10 @@ class NewFile {
     use_bytes_for_colors();
     const NativeType type = native(table_.coordinate_type);
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      NewField field;
-      field.name = std::string("cartesian") + "XYZ"[axis];
-      field.type = type;
-      field.values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double);
-      field.stride = sizeof(Position);
+      NewField field{.name = std::string("cartesian") + "XYZ"[axis],
+                     .type = type,
+                     .values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double),
+                     .stride = sizeof(Position)};
       fields_.push_back(field);
     }
     const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
@@ -190,16 +189,11 @@ class NewFile {
     }
   }
   void add_state() {
-    NewField field;
-    field.name = "cartesianInvalidState";
-    field.type = NativeType::uint8;
-    field.maximum = 2;
-    field.is_state = true;
+    NewField field{.name = "cartesianInvalidState", .type = NativeType::uint8, .maximum = 2, .is_state = true};
     fields_.push_back(field);
   }
   void add_column(const TableColumn& column) {
-    NewField field;
-    field.name = field_name(column.name);
+    NewField field{.name = field_name(column.name)};
     const auto has_name = [&](const NewField& other) { return other.name == field.name; };
     while (std::any_of(fields_.begin(), fields_.end(), has_name)) field.name += "_2";
     field.type = column.type;
@@ -353,7 +347,7 @@ class NewFile {
 }  // namespace
 }  // namespace e57
 
-void write_e57(Table table, Output& out) {
+void write_e57(Table table, const Writing&, Output& out) {
   e57::NewFile(std::move(table), "pointfair " + std::string(version())).write(out);
 }
 

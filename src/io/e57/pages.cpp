@@ -27,9 +27,8 @@ constexpr Tables make_tables() {
     tables[0][byte] = crc;
   }
   for (std::size_t t = 1; t < tables.size(); ++t) {
-    for (std::size_t byte = 0; byte < 256; ++byte) {
+    for (std::size_t byte = 0; byte < 256; ++byte)
       tables[t][byte] = tables[t - 1][byte] >> 8 ^ tables[0][tables[t - 1][byte] & 255];
-    }
   }
   return tables;
 }
@@ -89,10 +88,9 @@ void check_pages(std::string_view file, const std::string& name) {
   for_each_block((pages + kPagesABlock - 1) / kPagesABlock, [&](std::size_t block) {
     for (std::size_t p = block * kPagesABlock; p < std::min((block + 1) * kPagesABlock, pages); ++p) {
       const std::string_view page = file.substr(p * kPage, kPage);
-      if (checksum(page.substr(0, kPayload)) != load<std::uint32_t>(page.data() + kPayload, kSwapBig)) {
+      if (checksum(page.substr(0, kPayload)) != load<std::uint32_t>(page.data() + kPayload, kSwapBig))
         fail(name, "bytes " + std::to_string(p * kPage) + " to " + std::to_string((p + 1) * kPage) +
                        " are damaged, as their checksum says; copy the file again");
-      }
     }
   });
 }

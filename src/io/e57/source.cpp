@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numbers>
 
@@ -30,10 +29,9 @@ NativeType type_of(const Field& field) {
                                 NativeType::uint32, NativeType::int32}) {
     const bool fits = with_type(type, [&](auto tag) {
       using Limits = std::numeric_limits<decltype(tag)>;
-      if constexpr (sizeof tag < 8) {
+      if constexpr (sizeof tag < 8)
         return static_cast<double>(field.minimum) >= static_cast<double>(Limits::lowest()) &&
                static_cast<double>(field.maximum) <= static_cast<double>(Limits::max());
-      }
       return false;
     });
     if (fits) return type;
@@ -107,9 +105,8 @@ E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, D
     points.first_point = size_;
     check_plausible(points.records, size_, sizeof(Point), bytes().size(), name());
     points.streams = find_streams(bytes(), points, scans_.size(), left, name());
-    for (std::uint64_t first = 0; first < points.records; first += kBlock) {
+    for (std::uint64_t first = 0; first < points.records; first += kBlock)
       blocks_.push_back({scans_.size(), first, std::min(kBlock, points.records - first)});
-    }
     size_ += points.records;
     scans_.push_back(std::move(points));
   }
@@ -149,9 +146,8 @@ void E57Source::read_positions(const ScanPoints& scan, std::uint64_t first, std:
   }
   if (!scan.invalid_state) return;
   read_values(bytes(), scan, *scan.invalid_state, first, values);
-  for (std::size_t i = 0; i < out.size(); ++i) {
+  for (std::size_t i = 0; i < out.size(); ++i)
     if (values[i] != 0) out[i].fill(std::numeric_limits<double>::quiet_NaN());
-  }
 }
 
 void E57Source::positions(std::size_t block, std::span<Position> out) const {
@@ -212,7 +208,7 @@ std::vector<Content> E57Source::contents() const {
 
 }  // namespace e57
 
-std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_e57(FileBytes bytes, const std::string& name, const Reading&) {
   const std::string_view view = bytes.view();
   const e57::FileHeader header = e57::parse_file_header(view, name);
   e57::check_pages(view, name);

@@ -26,10 +26,9 @@ class PacketReader {
     if (end - scan_.section_begin > left) fail_damaged();
     left -= end - scan_.section_begin;
     for (std::uint64_t at = begin; at < end && !is_complete();) at += read_packet(at, end);
-    if (!is_complete()) {
+    if (!is_complete())
       fail(name_, "scan " + std::to_string(index_) + " promises " + std::to_string(scan_.records) +
                       " points, its packets hold fewer; copy the file again");
-    }
     return std::move(streams_);
   }
 

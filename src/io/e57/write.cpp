@@ -31,9 +31,8 @@ std::uint64_t bits_of(const Field& field, double value) {
 
 Position turned_back(const Pose& pose, const Position& shift) {
   Position result{};
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     for (std::size_t row = 0; row < 3; ++row) result[axis] += pose.rotation[row][axis] * shift[row];
-  }
   return result;
 }
 
@@ -125,9 +124,8 @@ class E57Writer {
     std::vector<Overlap> result;
     auto piece = std::upper_bound(pieces.begin(), pieces.end(), from,
                                   [](std::uint64_t place, const Piece& p) { return place < p.place + p.size; });
-    for (; piece != pieces.end() && piece->place < to; ++piece) {
+    for (; piece != pieces.end() && piece->place < to; ++piece)
       result.push_back({&*piece, std::max(from, piece->place), std::min(to, piece->place + piece->size)});
-    }
     return result;
   }
 
@@ -145,9 +143,8 @@ class E57Writer {
       if (scan.spherical) result.push_back({(*scan.spherical)[axis], axis, true, nullptr});
     }
     for (const Replacement& replacement : edits_.replaced) {
-      for (std::size_t f = 0; f < scan.fields.size(); ++f) {
+      for (std::size_t f = 0; f < scan.fields.size(); ++f)
         if (scan.fields[f].name == replacement.values->name) result.push_back({f, 0, false, &replacement});
-      }
     }
     std::erase_if(result, [&](const Target& target) { return scan.fields[target.field].bits == 0; });
     return result;
@@ -256,10 +253,9 @@ class E57Writer {
 };
 
 void E57Source::write(const Edits& edits, Encoding, Output& out) const {
-  if (!edits.added.empty()) {
+  if (!edits.added.empty())
     fail(name(), "an E57 file takes no further attributes, and '" + edits.added.front()->name +
                      "' was added; write PLY, PCD or LAZ");
-  }
   E57Writer(*this, edits, out).write();
 }
 

@@ -190,11 +190,8 @@ class Scene {
     auto column = std::find_if(table_.columns.begin(), table_.columns.end(),
                                [&](const TableColumn& c) { return c.name == name; });
     const bool is_byte = values.type == NativeType::uint8 && values.normalized && values.components >= 3;
-    if (column == table_.columns.end()) {
-      TableColumn added;
-      static_cast<Column&>(added) = {name, is_byte ? NativeType::uint8 : NativeType::float32, 1};
-      column = table_.columns.insert(column, std::move(added));
-    }
+    if (column == table_.columns.end())
+      column = table_.columns.insert(column, zero_column({name, is_byte ? NativeType::uint8 : NativeType::float32}, 0));
     const std::size_t size = size_of(column->type);
     fill_up(*column, first);
     column->data.resize((first + values.count) * size);
@@ -267,7 +264,7 @@ class GltfSource final : public HeldSource {
 }  // namespace
 }  // namespace gltf
 
-std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_gltf(FileBytes bytes, const std::string& name, const Reading&) {
   const gltf::Document document(std::move(bytes), name);
   try {
     gltf::Scene scene(document);

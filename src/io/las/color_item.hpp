@@ -21,9 +21,8 @@ class ColorCoder {
     const Color last = read(last_bytes);
     Color now = Coder::kWrites ? read(record) : last;
     const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(last, now) : 0);
-    for (std::uint32_t half = 0; half < 2; ++half) {
+    for (std::uint32_t half = 0; half < 2; ++half)
       if ((changes >> half & 1) != 0) now[0][half] = code_difference(coder, bytes_[half], last[0][half], now[0][half]);
-    }
     for (std::uint32_t half = 0; half < 2; ++half) {
       if ((changes & kColored) != 0) {
         code_others(coder, changes >> half, half, last, now);

@@ -20,9 +20,7 @@ constexpr NativeType kExtraTypes[] = {NativeType::uint8,   NativeType::int8,   N
 class FieldList {
  public:
   void add(const char* name, NativeType type, std::size_t offset) {
-    Field field;
-    static_cast<Column&>(field) = {name, type, 1};
-    field.offset = offset;
+    Field field{{name, type}, offset};
     field.stored = type;
     add_unique(std::move(field));
   }
@@ -202,14 +200,12 @@ std::string describe_extra_bytes(const Header& header, const std::vector<Column>
   const Record* const record = header.find("LASF_Spec", 4);
   std::string result(record ? record->data.substr(0, described.size() * kDescription) : std::string_view());
   std::size_t plain = header.record_length - end_of(described, header);
-  for (; plain > 0; plain -= std::min<std::size_t>(plain, 255)) {
+  for (; plain > 0; plain -= std::min<std::size_t>(plain, 255))
     result += description(0, static_cast<unsigned>(std::min<std::size_t>(plain, 255)), "extra_bytes");
-  }
   for (const Column& column : added) {
     const auto* const type = std::find(std::begin(kExtraTypes), std::end(kExtraTypes), column.type);
-    for (const std::string& name : component_names(column.name, column.components)) {
+    for (const std::string& name : component_names(column.name, column.components))
       result += description(static_cast<unsigned>(1 + (type - std::begin(kExtraTypes))), 0, name);
-    }
   }
   return result;
 }

@@ -2,7 +2,6 @@
 // The attributes in a point record: which bits of which bytes they are, and what they are called.
 #pragma once
 
-#include <span>
 #include <string>
 #include <vector>
 

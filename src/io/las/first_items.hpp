@@ -76,9 +76,8 @@ class FirstPointItem {
     if ((changes & kIntensityBit) != 0) code_wide(coder, intensity_, kIntensity, now);
     if ((changes & kReturnsBit) != 0) code_after_last(coder, returns_, kReturns, now);
     if ((changes & kClassBit) != 0) code_after_last(coder, classes_, kClass, now);
-    if ((changes & kAngleBit) != 0) {
+    if ((changes & kAngleBit) != 0)
       now[kAngle] = static_cast<char>(angle_.code(coder, byte(last_[kAngle]), byte(now[kAngle]), size_ < 3 ? 1U : 0U));
-    }
     if ((changes & kUserBit) != 0) code_after_last(coder, users_, kUser, now);
     if ((changes & kSourceBit) != 0) code_wide(coder, source_, kSource, now);
   }

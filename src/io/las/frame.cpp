@@ -51,9 +51,8 @@ void Frame::drop(const Record& record) {
 
 void Frame::put_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
   changed_ = true;
-  if (data.size() > std::numeric_limits<std::uint16_t>::max()) {
+  if (data.size() > std::numeric_limits<std::uint16_t>::max())
     fail(name_, "the descriptions of its attributes no longer fit in one record; write another format");
-  }
   Piece made{std::string(user), id, make_record(user, id, description, data)};
   const auto same = std::find_if(records_.begin(), records_.end(),
                                  [&](const Piece& piece) { return piece.user == user && piece.id == id; });
@@ -68,9 +67,8 @@ std::string Frame::front(bool compressed, std::size_t record_length) const {
   std::string front(bytes_.substr(0, header_.size));
   for (const Piece& piece : records_) front += piece.bytes;
   front += bytes_.substr(header_.records_end, header_.points_begin - header_.records_end);
-  if (front.size() > std::numeric_limits<std::uint32_t>::max()) {
+  if (front.size() > std::numeric_limits<std::uint32_t>::max())
     fail(name_, "what comes before the points no longer fits in 4 GiB");
-  }
   put(front, place::points_begin, static_cast<std::uint32_t>(front.size()));
   if (changed_) put(front, place::record_count, static_cast<std::uint32_t>(records_.size()));
   const auto format = get<std::uint8_t>(bytes_, place::point_format);

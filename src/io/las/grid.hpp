@@ -6,7 +6,6 @@
 #include <array>
 #include <cstdint>
 #include <limits>
-#include <string>
 
 namespace pointfair::io::las {
 

@@ -53,38 +53,33 @@ class Parser {
   void read_layout() {
     header_.minor = get<std::uint8_t>(bytes_, place::minor);
     const unsigned major = get<std::uint8_t>(bytes_, place::major);
-    if (major != 1 || header_.minor > 5) {
+    if (major != 1 || header_.minor > 5)
       fail(name_, "is LAS " + std::to_string(major) + "." + std::to_string(header_.minor) +
                       "; versions 1.0 to 1.5 are known: convert it to one of them");
-    }
     header_.size = get<std::uint16_t>(bytes_, place::header_size);
     header_.points_begin = get<std::uint32_t>(bytes_, place::points_begin);
-    if (header_.size < least_header_size(header_.minor)) {
+    if (header_.size < least_header_size(header_.minor))
       fail(name_, "its header names " + std::to_string(header_.size) + " bytes as its size, LAS 1." +
                       std::to_string(header_.minor) + " has " + std::to_string(least_header_size(header_.minor)) +
                       "; repair the header");
-    }
     if (header_.size > header_.points_begin) fail(name_, "its points begin within its header; repair the header");
-    if (header_.points_begin > bytes_.size()) {
+    if (header_.points_begin > bytes_.size())
       fail(name_,
            "the file ends before its points, at byte " + std::to_string(header_.points_begin) + "; copy it again");
-    }
   }
 
   void read_points() {
     const unsigned format = get<std::uint8_t>(bytes_, place::point_format);
     header_.compressed = (format & 0x80) != 0;
     header_.point_format = format & 0x3F;
-    if (header_.point_format >= kRecordLengths.size()) {
+    if (header_.point_format >= kRecordLengths.size())
       fail(name_, "has point format " + std::to_string(header_.point_format) +
                       "; formats 0 to 10 are known: convert it to one of them");
-    }
     header_.record_length = get<std::uint16_t>(bytes_, place::record_length);
-    if (header_.record_length < least_record_length(header_.point_format)) {
+    if (header_.record_length < least_record_length(header_.point_format))
       fail(name_, "its header gives a point " + std::to_string(header_.record_length) + " bytes, point format " +
                       std::to_string(header_.point_format) + " takes " +
                       std::to_string(least_record_length(header_.point_format)) + "; repair the header");
-    }
     header_.count = get<std::uint32_t>(bytes_, place::legacy_count);
     // Zero in the older place if the points are too many for it or of a newer format.
     if (header_.minor >= 4) {
@@ -99,10 +94,9 @@ class Parser {
       auto& [scale, offset] = header_.scaling;
       scale[axis] = get<double>(bytes_, place::scale + 8 * axis);
       offset[axis] = get<double>(bytes_, place::offset + 8 * axis);
-      if (!(scale[axis] > 0) || !std::isfinite(scale[axis] * 2147483648.0 + std::abs(offset[axis]))) {
+      if (!(scale[axis] > 0) || !std::isfinite(scale[axis] * 2147483648.0 + std::abs(offset[axis])))
         fail(name_, std::string("the scale or offset of ") + "xyz"[axis] +
                         " in its header is not one that gives coordinates; repair the header");
-      }
     }
   }
 
@@ -111,25 +105,22 @@ class Parser {
     header_.records_end = read_records(bytes_, header_.size, header_.points_begin, count, false, header_.records);
     if (header_.minor >= 3) {
       const auto begin = get<std::uint64_t>(bytes_, place::waveform_begin);
-      if (begin >= header_.points_begin && begin < bytes_.size()) {
+      if (begin >= header_.points_begin && begin < bytes_.size())
         header_.waveform_begin = static_cast<std::size_t>(begin);
-      }
     }
     if (header_.minor < 4) return;
     const std::uint64_t extended = get<std::uint32_t>(bytes_, place::extended_count);
     const auto begin = get<std::uint64_t>(bytes_, place::extended_begin);
     if (extended == 0) return;
-    if (begin < header_.points_begin || begin > bytes_.size()) {
+    if (begin < header_.points_begin || begin > bytes_.size())
       fail(name_, "its header promises records behind the points, from byte " + std::to_string(begin) +
                       " on, where there are none; copy it again or repair the header");
-    }
     header_.extended_begin = static_cast<std::size_t>(begin);
     const std::size_t before = header_.records.size();
     read_records(bytes_, header_.extended_begin, bytes_.size(), extended, true, header_.records);
-    if (header_.records.size() - before < extended) {
+    if (header_.records.size() - before < extended)
       fail(name_, "its header promises " + std::to_string(extended) + " records behind the points, file ends after " +
                       std::to_string(header_.records.size() - before) + "; copy it again or repair the header");
-    }
   }
 
   std::string_view bytes_;

@@ -3,7 +3,6 @@
 // both directions.
 #pragma once
 
-#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>

@@ -47,10 +47,9 @@ void check_items(const Compression& compression, const Header& header, const std
                                [](const Item& a, const Item& b) { return a.type == b.type && a.size == b.size; });
   if (!same) fail(name, "its points and its description of their compression do not agree; copy it again");
   for (const Item& item : compression.items) {
-    if (!is_known_version(item)) {
+    if (!is_known_version(item))
       fail_compression(name, "its points are compressed in version " + std::to_string(item.version) + " of item " +
                                  std::to_string(item.type) + ", which is not known");
-    }
     if (item.version != compression.version() && item.type != Item::wave13)
       fail_compression(name, "the parts of its points are compressed in more than one version");
   }
@@ -61,13 +60,11 @@ std::size_t find_table(std::string_view bytes, const Header& header, const std::
   if (bytes.size() < header.points_begin + 16) fail(name, "the file ends before its points; copy it again");
   auto begin = get<std::uint64_t>(bytes, header.points_begin);
   if (begin == ~std::uint64_t{0}) begin = get<std::uint64_t>(bytes, bytes.size() - 8);
-  if (begin <= header.points_begin) {
+  if (begin <= header.points_begin)
     fail(name,
          "has no table of its chunks, so its writing was interrupted; write it again, or repair it with LAStools");
-  }
-  if (begin < header.points_begin + 8 || begin > bytes.size() - 8) {
+  if (begin < header.points_begin + 8 || begin > bytes.size() - 8)
     fail(name, "the file ends before the table of its chunks, at byte " + std::to_string(begin) + "; copy it again");
-  }
   return static_cast<std::size_t>(begin);
 }
 
@@ -81,19 +78,17 @@ std::size_t Compression::record_length() const {
 
 std::size_t Compression::layers() const {
   std::size_t count = 0;
-  for (const Item& item : items) {
+  for (const Item& item : items)
     count += item.type == Item::point14       ? 9
              : item.type == Item::color_nir14 ? 2
              : item.type == Item::bytes14     ? item.size
                                               : 1;
-  }
   return count;
 }
 
 void Compression::set_version(unsigned version) {
-  for (Item& item : items) {
+  for (Item& item : items)
     if (item.type != Item::wave13) item.version = static_cast<std::uint16_t>(version);
-  }
 }
 
 Compression usual_compression(unsigned point_format, std::size_t record_length) {
@@ -102,25 +97,22 @@ Compression usual_compression(unsigned point_format, std::size_t record_length) 
 
 Compression read_compression(const Header& header, const std::string& name) {
   const Record* const record = header.find(kLaszipUser, kLaszipId);
-  if (!record || record->data.size() < kFixedPart) {
+  if (!record || record->data.size() < kFixedPart)
     fail(name, "its points are compressed, but the record that says how is missing; copy it again");
-  }
   const auto compressor = get<std::uint16_t>(record->data, 0), coder = get<std::uint16_t>(record->data, 2);
   const std::size_t items = get<std::uint16_t>(record->data, 32);
   const unsigned expected = header.point_format >= 6 ? kLayered : kChunked;
   const bool is_pointwise = compressor == kPointwise && header.point_format < 6;
-  if ((compressor != expected && !is_pointwise) || coder != 0) {
+  if ((compressor != expected && !is_pointwise) || coder != 0)
     fail_compression(name, "its points of format " + std::to_string(header.point_format) +
                                " are compressed by compressor " + std::to_string(compressor) + ", coder " +
                                std::to_string(coder) + ", which is not known");
-  }
   Compression result;
   result.pointwise = is_pointwise;
   result.chunk_points = get<std::uint32_t>(record->data, 12);
   if (result.chunk_points == kVariable) result.chunk_points = 0;
-  if (items > (record->data.size() - kFixedPart) / kItemBytes) {
+  if (items > (record->data.size() - kFixedPart) / kItemBytes)
     fail(name, "the record that says how its points are compressed is cut off; copy it again");
-  }
   for (std::size_t i = 0; i < items; ++i) {
     const std::size_t at = kFixedPart + kItemBytes * i;
     result.items.push_back({get<std::uint16_t>(record->data, at), get<std::uint16_t>(record->data, at + 2),
@@ -157,9 +149,8 @@ ChunkTable read_chunk_table(std::string_view bytes, const Header& header, const 
   const std::uint64_t count = get<std::uint32_t>(bytes, table.begin + 4);
   std::string_view rest = bytes.substr(header.points_begin + 8, table.begin - header.points_begin - 8);
   // Each chunk holds its first point as it is.
-  if (get<std::uint32_t>(bytes, table.begin) != 0 || count > rest.size() / header.record_length) {
+  if (get<std::uint32_t>(bytes, table.begin) != 0 || count > rest.size() / header.record_length)
     fail(name, "the table of its chunks is damaged; copy it again");
-  }
   Decoder decoder(bytes.substr(table.begin + 8));
   IntegerCoder coder(2);
   std::uint64_t point = 0;
@@ -172,17 +163,15 @@ ChunkTable read_chunk_table(std::string_view bytes, const Header& header, const 
     const std::uint64_t held = compression.chunk_points == 0 ? static_cast<std::uint32_t>(points)
                                                              : std::min<std::uint64_t>(compression.chunk_points, left);
     const std::size_t length = static_cast<std::uint32_t>(size);
-    if (decoder.overrun() || held == 0 || held > left || length > rest.size() || length < header.record_length) {
+    if (decoder.overrun() || held == 0 || held > left || length > rest.size() || length < header.record_length)
       fail(name, "the table of its chunks is damaged at chunk " + std::to_string(i) + "; copy it again");
-    }
     table.chunks.push_back({rest.substr(0, length), point, static_cast<std::uint32_t>(held)});
     rest.remove_prefix(length);
     point += held;
   }
-  if (point != header.count) {
+  if (point != header.count)
     fail(name, "header promises " + std::to_string(header.count) + " points, its chunks hold " + std::to_string(point) +
                    "; copy it again or correct the header");
-  }
   table.end = std::min(bytes.size(), table.begin + 8 + (count == 0 ? 0 : decoder.position()));
   return table;
 }
@@ -196,9 +185,8 @@ std::string chunk_table(const Compression& compression, std::span<const std::siz
   IntegerCoder coder(2);
   std::int32_t last_points = 0, last_size = 0;
   for (std::size_t i = 0; i < sizes.size(); ++i) {
-    if (compression.chunk_points == 0) {
+    if (compression.chunk_points == 0)
       last_points = coder.code(encoder, last_points, static_cast<std::int32_t>(points[i]), 0);
-    }
     last_size = coder.code(encoder, last_size, static_cast<std::int32_t>(sizes[i]), 1);
   }
   encoder.finish();

@@ -3,7 +3,6 @@
 // have no place for as extra bytes.
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "io/formats.hpp"
 #include "io/intensity.hpp"
@@ -28,9 +27,8 @@ struct Range {
 
 void include(const Position& position, Range& range) {
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    if (!std::isfinite(position[axis])) {
+    if (!std::isfinite(position[axis]))
       refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
-    }
     range.min[axis] = std::min(range.min[axis], position[axis]);
     range.max[axis] = std::max(range.max[axis], position[axis]);
   }
@@ -52,9 +50,8 @@ Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
   } else if (extent > 0 && std::isfinite(extent)) {
     scale = portable::power_of_ten(portable::decimal_exponent(extent) - 8);
   }
-  if (!std::isfinite(extent) || !(scale > 0) || extent / scale > 2e9) {
+  if (!std::isfinite(extent) || !(scale > 0) || extent / scale > 2e9)
     refuse("the coordinates are too far apart for the scale of a LAS file; give a coarser one, or write PLY or PCD");
-  }
   Scaling scaling;
   scaling.scale.fill(scale);
   for (std::size_t axis = 0; axis < 3; ++axis) scaling.offset[axis] = std::floor(range.min[axis]);
@@ -141,17 +138,15 @@ class NewFile {
       extra.push_back({column.name + (known ? "_2" : ""), column.type, column.components});
       record_length_ += column_bytes(column);
     }
-    if (record_length_ > std::numeric_limits<std::uint16_t>::max()) {
+    if (record_length_ > std::numeric_limits<std::uint16_t>::max())
       refuse("a point of a LAS file holds at most 65535 bytes; write PLY or PCD");
-    }
     if (!extra.empty()) descriptions_ = describe_extra_bytes(header, extra);
   }
 
   Grid grid_of(const Position& position) const {
     Grid grid{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
       grid[axis] = narrow<std::int32_t>((position[axis] - scaling_.offset[axis]) / scaling_.scale[axis]);
-    }
     return grid;
   }
 
@@ -267,8 +262,9 @@ void check_new_las(const Cloud& cloud, std::optional<double> scale) {
   las::choose_scaling(range, scale);
 }
 
-void write_las(Table table, bool compress, std::optional<double> scale, Output& out) {
-  write_patched(out, [&](Output& to) { las::NewFile(table, compress, scale, to).write(); });
+void write_las(Table table, const Writing& writing, Output& out) {
+  const bool compress = writing.encoding == Encoding::binary_compressed;
+  write_patched(out, [&](Output& to) { las::NewFile(table, compress, writing.las_scale, to).write(); });
 }
 
 }  // namespace pointfair::io

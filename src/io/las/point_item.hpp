@@ -92,10 +92,9 @@ class PointItem {
     if ((changes & kReturns) != 0) now_.returns = code_byte(coder, returns_.after(last_.returns), now_.returns);
     const std::uint32_t kind = kind_of(now_);
     std::uint16_t& intensity = intensities_[kind];
-    if ((changes & kIntensity) != 0) {
+    if ((changes & kIntensity) != 0)
       intensity = static_cast<std::uint16_t>(
           intensity_.code(coder, intensity, now_.intensity, std::min<std::uint32_t>(kind, 3)));
-    }
     now_.intensity = intensity;
     if ((changes & kClass) != 0)
       now_.classification = code_byte(coder, classes_.after(last_.classification), now_.classification);

@@ -26,9 +26,8 @@ void LasSource::positions(std::size_t block, std::span<Position> out) const {
   grid.resize(out.size());
   Decoded decoded;
   store_->grid(block, grid, decoded);
-  for (std::size_t i = 0; i < out.size(); ++i) {
+  for (std::size_t i = 0; i < out.size(); ++i)
     for (std::size_t axis = 0; axis < 3; ++axis) out[i][axis] = layout_.header.scaling.value(axis, grid[i][axis]);
-  }
 }
 
 void LasSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
@@ -58,15 +57,13 @@ std::vector<Content> LasSource::contents() const {
 
 std::vector<std::string> LasSource::losses(Encoding) const {
   std::vector<std::string> result;
-  if (layout_.is_copc()) {
+  if (layout_.is_copc())
     result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
-  }
   std::error_code ignored;
   std::filesystem::path index(name());
-  if (std::filesystem::exists(index.replace_extension(".lax"), ignored)) {
+  if (std::filesystem::exists(index.replace_extension(".lax"), ignored))
     result.push_back(platform::text_of(index) +
                      " does not fit points that moved, so it was not copied; lasindex makes a new one");
-  }
   return result;
 }
 
@@ -109,9 +106,8 @@ namespace {
 
 // The last 8 bytes of a file that could not be written backwards say where the table is; they are no part of the tail.
 std::size_t tail_begin(std::string_view bytes, const Header& header, const ChunkTable& table, const std::string& name) {
-  if (header.extended_begin != 0 && header.extended_begin <= table.begin) {
+  if (header.extended_begin != 0 && header.extended_begin <= table.begin)
     fail(name, "its header places records among the points; repair the header");
-  }
   if (header.extended_begin != 0) return std::min(table.end, header.extended_begin);
   const bool streamed = get<std::uint64_t>(bytes, header.points_begin) == ~std::uint64_t{0};
   return streamed ? std::min(bytes.size(), table.end + 8) : table.end;
@@ -120,7 +116,7 @@ std::size_t tail_begin(std::string_view bytes, const Header& header, const Chunk
 }  // namespace
 }  // namespace las
 
-std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Residence residence) {
+std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, const Reading& reading) {
   using namespace las;
   const std::string_view view = bytes.view();
   if (!view.starts_with("LASF")) fail(name, "is no LAS file: it does not begin with LASF; choose another file");
@@ -148,7 +144,8 @@ std::shared_ptr<Source> read_las(FileBytes bytes, const std::string& name, Resid
   layout.chunks_end = static_cast<std::size_t>(last.data() + last.size() - view.data());
   layout.table_begin = table.begin;
   layout.points_end = tail_begin(view, layout.header, table, name);
-  auto store = decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name, residence);
+  auto store =
+      decode_chunks(std::move(table.chunks), layout.header, *layout.compression, view.size(), name, reading.residence);
   return std::make_shared<LasSource>(std::move(bytes), name, std::move(layout), std::move(store));
 }
 

@@ -2,7 +2,6 @@
 #include "io/las/store.hpp"
 
 #include <algorithm>
-#include <cstring>
 #include <limits>
 
 #include "io/file_bytes.hpp"
@@ -225,10 +224,9 @@ class DecodedLayers : public Chunks {
 std::unique_ptr<PointStore> open_records(std::string_view bytes, const Header& header, const std::string& name) {
   const std::string_view rest = bytes.substr(header.points_begin);
   const std::uint64_t room = rest.size() / header.record_length;
-  if (header.count > room) {
+  if (header.count > room)
     fail(name, "header promises " + std::to_string(header.count) + " points, file ends after " + std::to_string(room) +
                    "; copy the file again or correct the header");
-  }
   const auto size = static_cast<std::size_t>(header.count) * header.record_length;
   return std::make_unique<FileRecords>(rest.substr(0, size), header.record_length, header.count);
 }

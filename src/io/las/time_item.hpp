@@ -49,9 +49,8 @@ class BasicTimeItem {
 
   // How many sequences farther one is that the time continues; 0: there is none.
   std::uint32_t other_sequence(std::uint64_t time) const {
-    for (std::uint32_t i = 1; i < 4; ++i) {
+    for (std::uint32_t i = 1; i < 4; ++i)
       if (is_short(step_from((at_ + i) & 3, time))) return i;
-    }
     return 0;
   }
 

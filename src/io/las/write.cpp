@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing a LAS or LAZ file back with moved points, or without some of them.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 
@@ -24,9 +23,8 @@ std::int32_t moved_integer(std::int32_t own, double shift, double scale) {
 }
 
 void put_grid(const Grid& grid, char* record) {
-  for (std::size_t axis = 0; axis < 3; ++axis) {
+  for (std::size_t axis = 0; axis < 3; ++axis)
     copy_scalar(record + 4 * axis, reinterpret_cast<const char*>(&grid[axis]), 4, kSwap);
-  }
 }
 
 std::string text_of(double number) {
@@ -44,11 +42,10 @@ Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   Grid steps{1, 1, 1};
   for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
     const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
-    if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole) {
+    if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole)
       throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) + ": give the file's own, " +
                                         text_of(own.scale[axis]) + ", divided by a whole number, such as " +
                                         text_of(own.scale[axis] / 10));
-    }
     steps[axis] = static_cast<std::int32_t>(whole);
   }
   return steps;
@@ -87,15 +84,13 @@ class LasWriter {
         steps_(steps_of(layout_.header.scaling, edits.las_scale)),
         scaling_(layout_.header.scaling),
         removes_(std::ranges::any_of(edits.removed, [](std::uint8_t gone) { return gone != 0; })) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
+    for (std::size_t axis = 0; axis < 3; ++axis)
       if (steps_[axis] > 1) scaling_.scale[axis] = *edits.las_scale;
-    }
     add_attributes();
     if (compress) choose_compression();
     if (!compress && layout_.compression) drop(kLaszipUser, kLaszipId);
-    if (compress && (!has_chunks() || !edits.added.empty() || removes_)) {
+    if (compress && (!has_chunks() || !edits.added.empty() || removes_))
       frame_.put_record(kLaszipUser, kLaszipId, "by LASzip of pointfair", compression_record(*compression_));
-    }
     if (compress || layout_.compression) {
       drop("copc", 1);  // an octree of compressed points, which no longer are where it has them
       drop("copc", 1000);
@@ -150,9 +145,8 @@ class LasWriter {
       columns.push_back({attribute->name, native(attribute->type), attribute->components});
       record_length_ += column_bytes(columns.back());
     }
-    if (record_length_ > std::numeric_limits<std::uint16_t>::max()) {
+    if (record_length_ > std::numeric_limits<std::uint16_t>::max())
       fail(source_.name(), "a point of a LAS file holds at most 65535 bytes; add fewer attributes");
-    }
     const Record* const described = layout_.header.find("LASF_Spec", 4);
     if (described && described->extended) frame_.drop(*described);
     frame_.put_record("LASF_Spec", 4, "extra bytes", describe_extra_bytes(layout_.header, columns));
@@ -301,10 +295,9 @@ class LasWriter {
       }
     }
     for (std::size_t i = 0; moved && i < grid.size(); ++i) put_grid(grid[i], points.data() + i * record_length_);
-    for (const Replacement& replacement : edits_.replaced) {
+    for (const Replacement& replacement : edits_.replaced)
       replace_field(source_.fields_[replacement.column], replacement, source_.block_begin(block), record_length_,
                     points);
-    }
     return points;
   }
 

@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading and writing NumPy arrays of points: N x 3 and more columns, or records with fields x, y and z.
-#include <algorithm>
-#include <cstring>
 
 #include "io/formats.hpp"
 #include "io/npy/header.hpp"
@@ -47,13 +45,10 @@ void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& lay
                    std::to_string(kMaxColumns) + " values. An array of shape (N, 3) or more can be read");
   if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
   const auto rows = static_cast<std::size_t>(layout.count);
-  for (std::size_t c = 0; c < columns; ++c) {
-    RecordField value;
-    static_cast<Column&>(value) = {"column_" + std::to_string(c + 1), *field.type, 1};
-    value.offset = c * field.size * (header.fortran_order ? rows : 1);
-    value.stride = field.size * (header.fortran_order ? 1 : columns);
-    layout.fields.push_back(std::move(value));
-  }
+  for (std::size_t c = 0; c < columns; ++c)
+    layout.fields.push_back({{"column_" + std::to_string(c + 1), *field.type},
+                             c * field.size * (header.fortran_order ? rows : 1),
+                             field.size * (header.fortran_order ? 1 : columns)});
   layout.xyz = {0, 1, 2};
   layout.record_size = field.size * columns;
   layout.swap = field.big_endian != kBigEndian;
@@ -64,10 +59,9 @@ void lay_out_records(const Header& header, RecordLayout& layout, const std::stri
   std::array<bool, 3> found{};
   std::optional<bool> big_endian;
   for (const Field& field : header.fields) {
-    RecordField value;
-    static_cast<Column&>(value) = {field.name, field.type.value_or(NativeType::uint8),
-                                   static_cast<std::uint32_t>(field.type ? field.count : field.size * field.count)};
-    value.offset = layout.record_size;
+    RecordField value{{field.name, field.type.value_or(NativeType::uint8),
+                       static_cast<std::uint32_t>(field.type ? field.count : field.size * field.count)},
+                      layout.record_size};
     value.padding = !field.type || field.count == 0 || field.name.empty();
     layout.record_size += field.size * field.count;
     if (field.type && field.size > 1) {
@@ -100,8 +94,7 @@ std::uint64_t count_of(const Header& header, std::size_t dimensions, const std::
 }
 
 RecordLayout lay_out(const Header& header, const std::string& name) {
-  RecordLayout layout;
-  layout.begin = header.end;
+  RecordLayout layout{.begin = header.end};
   const std::size_t dimensions = header.shape.size();
   if (header.is_structured) {
     layout.count = count_of(header, dimensions, name);
@@ -119,7 +112,7 @@ RecordLayout lay_out(const Header& header, const std::string& name) {
 }  // namespace
 }  // namespace npy
 
-std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name, const Reading&) {
   const npy::Header header = npy::parse_header(bytes.view(), name);
   RecordLayout layout = npy::lay_out(header, name);
   if (layout.count == 0) fail(name, "has no points; choose another file");
@@ -133,7 +126,7 @@ std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name) {
 }
 
 // N x 3 where there is nothing but coordinates, else records.
-void write_npy(const Table& table, Output& out) {
+void write_npy(Table table, const Writing&, Output& out) {
   const NativeType type = native(table.coordinate_type);
   if (table.columns.empty()) {
     out.write(npy::make_header(type, table.size(), 3));
@@ -158,7 +151,7 @@ void write_npy(const Table& table, Output& out) {
 }
 
 // Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
-std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Format format) {
+std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, const Reading& reading) {
   class Floats final : public RecordSource {
    public:
     using RecordSource::RecordSource;
@@ -173,12 +166,8 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Fo
   };
   static constexpr std::array<const char*, 5> kNames = {"x", "y", "z", "intensity", "ring"};
   RecordLayout layout;
-  for (std::size_t f = 0; f < (format == Format::kitti ? 4U : 5U); ++f) {
-    RecordField field;
-    static_cast<Column&>(field) = {kNames[f], NativeType::float32, 1};
-    field.offset = 4 * f;
-    layout.fields.push_back(std::move(field));
-  }
+  for (std::size_t f = 0; f < (reading.format == Format::kitti ? 4U : 5U); ++f)
+    layout.fields.push_back({{kNames[f], NativeType::float32}, 4 * f});
   layout.record_size = 4 * layout.fields.size();
   for (RecordField& field : layout.fields) field.stride = layout.record_size;
   layout.xyz = {0, 1, 2};
@@ -188,7 +177,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, Fo
   if (points.size() % layout.record_size != 0 || points.empty())
     fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
                    " floats; is it the other of kitti and nuscenes, or cut off?");
-  return std::make_shared<Floats>(std::move(bytes), name, format, Encoding::binary, std::move(layout), points);
+  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout), points);
 }
 
 }  // namespace pointfair::io

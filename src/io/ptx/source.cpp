@@ -347,13 +347,13 @@ void PtxSource::write(const Edits& edits, Encoding, Output& out) const {
 
 }  // namespace ptx
 
-std::shared_ptr<Source> read_ptx(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_ptx(FileBytes bytes, const std::string& name, const Reading&) {
   ptx::Layout layout = ptx::find_scans(bytes.view(), name);
   return std::make_shared<ptx::PtxSource>(std::move(bytes), name, std::move(layout));
 }
 
 // One scan of one row in the coordinates of the cloud.
-void write_ptx(Table table, Output& out) {
+void write_ptx(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
   const bool colored = !colors.empty();

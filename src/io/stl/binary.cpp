@@ -50,9 +50,8 @@ class BinarySource final : public Source {
   void append_block(std::size_t block, const Moves& moves, const Edits&, std::string& to) const override {
     const std::size_t first = block * kBlock, count = moves.values.size() / 3, base = to.size();
     to += bytes().substr(kHeader + first * kFacet, count * kFacet);
-    for (std::size_t f = 0; f < count; ++f) {
+    for (std::size_t f = 0; f < count; ++f)
       if (has_moved(moves, 3 * f)) patch(moves, 3 * f, to.data() + base + f * kFacet);
-    }
   }
 
  private:
@@ -124,7 +123,7 @@ std::shared_ptr<Source> read_binary(FileBytes bytes, const std::string& name) {
 
 }  // namespace stl
 
-std::shared_ptr<Source> read_stl(FileBytes bytes, const std::string& name) {
+std::shared_ptr<Source> read_stl(FileBytes bytes, const std::string& name, const Reading&) {
   // Binary files may begin with "solid", too; their size tells.
   const bool is_text = bytes.view().starts_with("solid") || bytes.view().starts_with("SOLID");
   if (is_text && !stl::is_binary(bytes.view())) return stl::read_text(std::move(bytes), name);

@@ -103,10 +103,10 @@ std::vector<std::string> losses_in_new_stl(const Cloud& cloud) {
   return result;
 }
 
-void write_stl(const Table& table, Encoding encoding, Output& out) {
+void write_stl(Table table, const Writing& writing, Output& out) {
   const std::vector<Triangle> triangles = triangles_of(table);
   if (triangles.size() > 0xFFFFFFFF) throw Error(ErrorKind::usage, "STL files hold at most 4294967295 triangles");
-  if (encoding == Encoding::ascii) return write_text(triangles, native(table.coordinate_type), out);
+  if (writing.encoding == Encoding::ascii) return write_text(triangles, native(table.coordinate_type), out);
   write_binary(triangles, out);
 }
 
