@@ -2,6 +2,7 @@
 #include "surface.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 #include <utility>
 

@@ -2,6 +2,7 @@
 // A backend whose calls fail, or are stopped before they begin, as a test asks for.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <mutex>
 #include <new>

@@ -5,6 +5,8 @@
 #include <Eigen/Dense>
 #include <cstdint>
 #include <functional>
+#include <set>
+#include <vector>
 
 #include "mesh/topology.hpp"
 #include "meshes.h"

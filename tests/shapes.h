@@ -2,6 +2,7 @@
 // Seeded clouds with known geometry. Only + - * / and square roots, so that a seed gives the same bits everywhere.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <cstring>

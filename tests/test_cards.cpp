@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <thread>
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"

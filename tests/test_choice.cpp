@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <string>
 
 #include "pointfair/pointfair.hpp"
 #include "runs.h"

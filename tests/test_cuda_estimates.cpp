@@ -2,6 +2,7 @@
 // Samples and estimates that a card makes against those of the CPU, in all bits.
 #include <bit>
 #include <cmath>
+#include <numeric>
 
 #include "cuda_backend_test.h"
 #include "estimate/estimate.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // E57 files: coordinates are changed where they stand, bit for bit, and nothing else is.
+#include <numbers>
 #include <random>
 
 #include "e57_files.h"

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <vector>
 
 #include "estimate/estimate.hpp"
 #include "seam/backend.hpp"

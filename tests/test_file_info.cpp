@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What files say beside their points; the scale of LAS files.
+#include <cmath>
 
 #include "e57_files.h"
 #include "io_files.h"

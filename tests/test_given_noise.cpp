@@ -2,7 +2,9 @@
 // Params::noise: everything automatic follows from it, and what it says is not estimated.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files as people and other programs write them.
+#include <cmath>
 
 #include <cmath>
 

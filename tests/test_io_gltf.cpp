@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // glTF meshes, made by hand: containers, transforms, shared points, strips, and what is damaged.
+#include <cmath>
 
 #include "gltf_files.h"
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // LAZ files against LASzip: what it reads from our files, and what we read from its.
+#include <cmath>
 
 #include "io/las/fields.hpp"
 #include "io/las/layers.hpp"

@@ -2,6 +2,7 @@
 // Where and how far points may move.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <cstring>
 #include <limits>
 

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstring>
+#include <limits>
 
 #include "many_shapes.h"
 #include "pointfair/pointfair.hpp"

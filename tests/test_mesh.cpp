@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -16,6 +18,7 @@ namespace pointfair {
 namespace {
 
 using meshes::along_mesh;
+using meshes::Face;
 using meshes::Mesh;
 using meshes::Result;
 using meshes::Sides;

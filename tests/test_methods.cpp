@@ -19,6 +19,7 @@ namespace pointfair {
 namespace {
 
 using reference::distance, reference::rms;
+using reference::Vec;
 using shapes::Points;
 
 constexpr Method kMethods[] = {Method::laplacian, Method::taubin, Method::hc_laplacian,

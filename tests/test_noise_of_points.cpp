@@ -2,9 +2,11 @@
 // The noise at each point: as it is told (Pipeline::noise), and as it is given (Pipeline::set_noise).
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <numeric>
 
 #include "backend_runs.h"
 #include "forwarding_backend.h"

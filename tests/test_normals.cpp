@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Normals in files: found under their names, replaced in place, their sign kept or chosen.
+#include <cmath>
 
 #include "e57_files.h"
 #include "io_files.h"

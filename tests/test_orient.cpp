@@ -3,6 +3,7 @@
 // shape with signs at random.
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <numeric>
 #include <random>

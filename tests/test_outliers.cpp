@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <numeric>
 
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"

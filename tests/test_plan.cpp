@@ -3,6 +3,7 @@
 // stage's result what it was made of, as a backend would, and nothing of plans.
 #include <gtest/gtest.h>
 
+#include <map>
 #include <optional>
 #include <sstream>
 #include <vector>

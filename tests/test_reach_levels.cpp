@@ -2,8 +2,10 @@
 // How wide neighbourhoods are from place to place.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
+#include <vector>
 
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"

@@ -2,7 +2,9 @@
 // Clouds that are computed in tiles give the bits of the whole.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "backend_runs.h"
 #include "pointfair/pipeline.hpp"

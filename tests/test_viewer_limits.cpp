@@ -2,6 +2,8 @@
 // Limits that a page sets. Oracle: the library's own on a fresh pipeline.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "viewer_seat.h"
 
 namespace pointfair::viewer {

@@ -2,8 +2,10 @@
 // The viewer's order of points, encodings, preview patches, gate and recipes.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <random>
 #include <set>
 

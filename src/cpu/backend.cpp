@@ -6,6 +6,8 @@
 #include <tbb/task_arena.h>
 
 #include <algorithm>
+#include <atomic>
+#include <fstream>
 #include <limits>
 #include <thread>
 #include <unordered_map>

@@ -3,6 +3,7 @@
 // Memory: 16 bytes a point and 1.6 for boxes, 4 more along the curve of a frame.
 #pragma once
 
+#include <array>
 #include <optional>
 #include <span>
 #include <stop_token>

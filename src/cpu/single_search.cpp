@@ -2,6 +2,7 @@
 #include "cpu/single_search.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 
 namespace pointfair::cpu {

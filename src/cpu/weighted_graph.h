@@ -2,6 +2,7 @@
 // The neighbours of all points as one graph whose edges weigh alike from both ends (docs/methods.md, "implicit").
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <stop_token>
 #include <vector>

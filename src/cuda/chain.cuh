@@ -9,6 +9,7 @@
 // cloud is faired, 20, and what the method implicit takes.
 #pragma once
 
+#include <limits>
 #include <memory>
 
 #include "cuda/index/cloud_batch.cuh"

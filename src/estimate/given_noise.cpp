@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "estimate/constants.hpp"
+#include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "portable.hpp"
 

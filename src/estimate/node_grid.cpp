@@ -2,6 +2,7 @@
 #include "estimate/node_grid.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 #include <memory>
 

@@ -2,6 +2,7 @@
 #include "estimate/row_offsets.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <optional>
 #include <span>

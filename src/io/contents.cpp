@@ -4,10 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
+#include <cstring>
 #include <span>
 
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
+#include "io/coordinate_names.hpp"
 #include "io/edits.hpp"
 #include "io/formats.hpp"
 #include "io/intensity.hpp"

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <cstdlib>
 #include <cstring>
+#include <new>
 
 #include "platform/files.hpp"
 #include "platform/path_text.hpp"

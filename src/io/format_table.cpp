@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
+#include "io/detect.hpp"
 #include "io/formats.hpp"
 #include "io/text.hpp"
 #include "platform/path_text.hpp"

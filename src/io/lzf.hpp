@@ -4,6 +4,7 @@
 // 5 bits with the byte that follows a distance - 1; length + 2 bytes are copied from that far back.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <string_view>
 

@@ -9,6 +9,7 @@
 
 #include "io/camera_centre.hpp"
 #include "io/colors.hpp"
+#include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/ply_body.hpp"
 #include "io/ply_header.hpp"

@@ -9,6 +9,7 @@
 #include <optional>
 #include <string>
 
+#include "io/scalar.hpp"
 #include "pointfair/viewpoint.hpp"
 
 namespace pointfair {

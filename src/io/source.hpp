@@ -3,6 +3,7 @@
 // Writing to the same format copies the bytes and patches the coordinates that moved.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pointfair/texture.hpp"
 
+#include <algorithm>
+#include <cstring>
 #include <map>
 #include <utility>
 

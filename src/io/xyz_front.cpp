@@ -2,6 +2,7 @@
 #include "io/xyz_front.hpp"
 
 #include <algorithm>
+#include <filesystem>
 
 #include "io/column_names.hpp"
 #include "io/file_bytes.hpp"

@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <utility>
 
 #include "mesh/blocks.hpp"
 #include "mesh/ordered_faces.hpp"

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/devices.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <string>
 #include <utility>

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "estimate/automatic.hpp"
+#include "estimate/constants.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair {

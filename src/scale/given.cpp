@@ -2,6 +2,7 @@
 #include "scale/given.hpp"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/ingest.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <map>
 #include <tuple>

@@ -2,6 +2,7 @@
 #include "scale/outlier_edits.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <mutex>
 #include <optional>
 #include <span>

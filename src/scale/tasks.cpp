@@ -9,6 +9,7 @@
 #include "io/unfinished_files.hpp"
 #include "options/outlier_values.hpp"
 #include "pipeline/devices.hpp"
+#include "pipeline/stage_settings.hpp"
 #include "platform/path_text.hpp"
 #include "scale/denoise.hpp"
 #include "scale/emit.hpp"

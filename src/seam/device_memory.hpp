@@ -5,6 +5,7 @@
 #include <array>
 #include <functional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "pointfair/device_points.hpp"

@@ -2,6 +2,8 @@
 // How backends read the levels that settings carry.
 #pragma once
 
+#include <algorithm>
+
 #include "point/node_field.h"
 #include "point/outliers.h"
 #include "seam/settings.hpp"

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <bit>
+#include <cstring>
 #include <limits>
 
 #include "cuda/runtime/callers_points.cuh"

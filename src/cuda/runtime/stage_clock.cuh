@@ -2,6 +2,7 @@
 // Times work on a stream by events, so that nothing has to wait while it runs.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "cuda/runtime/memory.cuh"

@@ -2,6 +2,7 @@
 // A glTF 2.0 file: its JSON, and the numbers that its accessors name in its buffers.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <string>

@@ -2,6 +2,7 @@
 // The attributes in a point record: which bits of which bytes they are, and what they are called.
 #pragma once
 
+#include <span>
 #include <string>
 #include <vector>
 

@@ -3,6 +3,7 @@
 // both directions.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>

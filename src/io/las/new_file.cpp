@@ -3,6 +3,7 @@
 // have no place for as extra bytes.
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 
 #include "io/formats.hpp"
 #include "io/intensity.hpp"

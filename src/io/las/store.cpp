@@ -2,6 +2,7 @@
 #include "io/las/store.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "io/file_bytes.hpp"

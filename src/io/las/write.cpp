@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing a LAS or LAZ file back with moved points, or without some of them.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 
