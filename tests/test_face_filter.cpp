@@ -175,7 +175,7 @@ TEST(FaceFilter, shape_is_given_back_and_noise_is_not) {
 }
 
 // One height for each four by four vertices.
-TEST(FaceFilter, noise_that_is_alike_from_vertex_to_vertex_is_no_shape) {
+TEST(FaceFilter, noise_that_is_correlated_from_vertex_to_vertex_is_no_shape) {
   const Mesh mesh = meshes::sheet(40, Sides::triangles);
   const Prepared prepared(mesh);
   Points input = mesh.points;

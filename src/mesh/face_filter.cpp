@@ -13,12 +13,12 @@ namespace {
 using Vec = point::Vec3<double>;
 
 constexpr int kFilterRounds = 8, kMoves = 6;
-constexpr double kTurn = 2;                         // t_f, in sigma_f / l_f
-constexpr double kStep = 1.5;                       // a vertex is a third of the middle of a triangle
-constexpr int kRings = 3;                           // over which what was taken is summed
-constexpr double kMeanOf = 20;                      // vertices, in a mesh of triangles of which six meet at each
-constexpr double kLittleAlike = 0.3, kAlike = 0.6;  // noise that is alike from vertex to vertex passes for shape
-constexpr double kDoubt = 4;                        // squared deviations of a mean that noise explains
+constexpr double kTurn = 2;                               // t_f, in sigma_f / l_f
+constexpr double kStep = 1.5;                             // a vertex is a third of the middle of a triangle
+constexpr int kRings = 3;                                 // over which what was taken is summed
+constexpr double kMeanOf = 20;                            // vertices, in a mesh of triangles of which six meet at each
+constexpr double kUncorrelated = 0.3, kCorrelated = 0.6;  // noise of neighbouring vertices that passes for shape
+constexpr double kDoubt = 4;                              // squared deviations of a mean that noise explains
 
 using Normal = point::Vec3<float>;
 
@@ -74,8 +74,8 @@ struct Taken {
   }
 };
 
-// How alike what was taken from vertices beside each other is: their correlation.
-double likeness(const OrderedFaces& faces, std::span<const Taken> taken, const ForEach& for_each) {
+// Of what was taken from vertices beside each other.
+double correlation(const OrderedFaces& faces, std::span<const Taken> taken, const ForEach& for_each) {
   struct Sums {
     double products = 0, squares = 0;
   };
@@ -154,7 +154,8 @@ void give_back_shape(const OrderedFaces& faces, std::span<const std::uint8_t> st
     taken[v] = {as_floats(height * normal), float(height * height), 1, 1};
   });
   const double vertices =
-      kMeanOf * std::clamp((kAlike - likeness(faces, taken, for_each)) / (kAlike - kLittleAlike), 0.0, 1.0);
+      kMeanOf *
+      std::clamp((kCorrelated - correlation(faces, taken, for_each)) / (kCorrelated - kUncorrelated), 0.0, 1.0);
   if (!(vertices > 0)) return;
   sum_over_rings(faces, kRings, taken, for_each);
   for_vertices(places.size(), for_each, [&](std::uint32_t v) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the faces tell beyond the method: neighbouring faces agree, and what was taken from many vertices alike was
-// shape.
+// What the faces tell beyond the method: neighbouring faces agree, and what a whole neighbourhood lost to one side
+// was shape.
 #pragma once
 
 #include <cstdint>
@@ -25,9 +25,9 @@ void follow_filtered_normals(const OrderedFaces& faces, const MeshTopology& mesh
 // three rings around, m, that noise does not explain, it was shape, and the vertex gets
 //   max(0, 1 - 4 s^2 / (N m^2)) m
 // back along its normal. s^2 is the mean square of what was taken there, or that of the vertex's `noise` where this is
-// less; N is how many vertices the mean is as good as, 20, or the part of them that does not stay. Noise that is alike
-// from vertex to vertex has a mean as well, so N falls to none as the correlation of what was taken on both ends of the
-// edges rises from .3 to .6. Vertices with `stays` do not move and do not count.
+// less; N is how many vertices the mean is as good as, 20, or the part of them that does not stay. Noise that is
+// correlated from vertex to vertex has a mean as well, so N falls to none as the correlation of what was taken on both
+// ends of the edges rises from .3 to .6. Vertices with `stays` do not move and do not count.
 void give_back_shape(const OrderedFaces& faces, std::span<const std::uint8_t> stays, std::span<const double> noise,
                      std::span<const Point> input, std::span<Point> places, const ForEach& for_each);
 
