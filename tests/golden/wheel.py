@@ -8,6 +8,7 @@ tests/golden/hashes.txt. On every system that has a wheel; needs no compiler, an
 import hashlib
 import os
 import pathlib
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -23,6 +24,12 @@ RUNS = [("cube.ply", "", "default"), ("sphere.ply", "k=8", "k8"), ("sweep.pcd", 
 def run(*command, **options):
     if subprocess.run([str(part) for part in command], **options).returncode != 0:
         sys.exit(f"failed: {' '.join(map(str, command))}")
+
+
+def wheels_to_try(dist):
+    """Those that compute on the processor, or those with CUDA where there are no others: pip prefers 0.1.0+cuda13 to 0.1.0."""
+    wheels = sorted(pathlib.Path(dist).glob("pointfair-*.whl"))
+    return [wheel for wheel in wheels if "+" not in wheel.name] or wheels
 
 
 def check_module(python, folder):
@@ -45,7 +52,10 @@ def main():
         venv.create(folder / "environment", with_pip=True)
         programs = folder / "environment" / ("Scripts" if os.name == "nt" else "bin")
         python = programs / ("python.exe" if os.name == "nt" else "python")
-        run(python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--find-links", pathlib.Path(dist).resolve(),
+        (folder / "wheels").mkdir()
+        for wheel in wheels_to_try(dist):
+            shutil.copy(wheel, folder / "wheels")
+        run(python, "-m", "pip", "--disable-pip-version-check", "install", "--quiet", "--find-links", folder / "wheels",
             "--only-binary", ":all:", "pointfair")
         check_module(python, folder)
         program = programs / ("pointfair.exe" if os.name == "nt" else "pointfair")
