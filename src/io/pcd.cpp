@@ -14,6 +14,7 @@
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
+#include "io/pcd_removal.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
@@ -130,12 +131,32 @@ class PcdSource : public Base {
             " of comments or of other programs"};
   }
 
+  bool leaves_points_out() const override { return true; }
+
   void write(const Edits& edits, Encoding encoding, Output& out) const override {
-    if (encoding != this->encoding()) return write_as(edits.cloud, encoding, out);
+    if (encoding != this->encoding()) {
+      if (edits.removed.empty()) return write_as(edits.cloud, encoding, out);
+      MemoryOutput left;
+      write(edits, this->encoding(), left);
+      return write_file_as(left.bytes, encoding, out);
+    }
     if constexpr (std::is_same_v<Base, RecordSource>) {
       if (encoding == Encoding::binary_compressed) return write_packed(edits, out);
     }
-    Base::write(edits, encoding, out);
+    if (edits.removed.empty()) return Base::write(edits, encoding, out);
+    out.write(header_of(edits));
+    write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
+      const std::size_t begin = buffer.size();
+      this->append_block(block, this->moves(block, edits), edits, buffer);
+      const auto removed =
+          edits.removed.subspan(static_cast<std::size_t>(this->block_begin(block)), this->block_size(block));
+      if constexpr (std::is_same_v<Base, RecordSource>) {
+        take_out_records(removed, header_.record_size() + bytes_of(edits.added), begin, buffer);
+      } else {
+        take_out_lines(removed, header_.line_end, begin, buffer);
+      }
+    });
+    out.write(tail());
   }
 
  protected:
@@ -159,6 +180,24 @@ class PcdSource : public Base {
     char digits[32];
     const int length = std::snprintf(digits, sizeof digits, "%s%.6g", list.empty() ? "" : ", ", value);
     list.append(digits, static_cast<std::size_t>(length));
+  }
+
+  std::string header_of(const Edits& edits) const {
+    std::string text = header(edits.added);
+    if (edits.removed.empty()) return text;
+    return pcd_header_of(std::move(text), header_.line_end, count_left(edits.removed));
+  }
+
+  static std::size_t bytes_of(const AddedAttributes& added) {
+    std::size_t bytes = 0;
+    for (const Attribute* attribute : added) bytes += attribute->components * pointfair::size_of(attribute->type);
+    return bytes;
+  }
+
+  // Of a file of this one's format.
+  void write_file_as(std::string_view file, Encoding encoding, Output& out) const {
+    const Cloud cloud = read(std::as_bytes(std::span(file)), this->name());
+    cloud.source->write(make_edits(cloud, std::nullopt), encoding, out);
   }
 
   void write_as(const Cloud& cloud, Encoding encoding, Output& out) const {
@@ -191,11 +230,28 @@ class PcdSource : public Base {
       moved = true;
       this->patch(block, moves, edits.replaced, data.data(), 0, 0);
     });
-    if (!moved && edits.added.empty()) return out.write(this->bytes());
+    if (!moved && edits.added.empty() && edits.removed.empty()) return out.write(this->bytes());
     for (const Attribute* attribute : edits.added)
       data.append(reinterpret_cast<const char*>(attribute->data.data()), attribute->data.size());
-    out.write(header(edits.added));
+    if (!edits.removed.empty()) data = without(edits.removed, data, edits.added);
+    out.write(header_of(edits));
     write_compressed(data, out);
+  }
+
+  // Of data that lies field after field.
+  std::string without(std::span<const std::uint8_t> removed, std::string_view data,
+                      const AddedAttributes& added) const {
+    std::vector<std::size_t> sizes;
+    for (const Column& field : header_.fields) sizes.push_back(column_bytes(field));
+    for (const Attribute* attribute : added) sizes.push_back(bytes_of({attribute}));
+    std::string left;
+    for (const std::size_t size : sizes) {
+      const std::size_t begin = left.size(), bytes = size * removed.size();
+      left += data.substr(0, bytes);
+      data.remove_prefix(bytes);
+      take_out_records(removed, size, begin, left);
+    }
+    return left;
   }
 
   PcdHeader header_;

@@ -62,7 +62,11 @@ Attribute RemainingSource::of_all(const Attribute& remaining) const {
 }
 
 std::vector<std::string> RemainingSource::losses(Encoding to) const {
-  return file_->leaves_points_out() ? file_->losses(to) : std::vector<std::string>{};
+  if (!file_->leaves_points_out()) return {};
+  std::vector<std::string> result = file_->losses(to);
+  for (const Content& content : file_->contents())
+    if (content.kind == ContentKind::grid) result.push_back(content.what + " has gaps now, so the points are one row");
+  return result;
 }
 
 std::vector<std::string> RemainingSource::companions() const {

@@ -112,6 +112,49 @@ class Classes(Case):
             said = self.ok("run", self.las, self.path("o.las"), "--outliers", "remove", "--force", *tiles).stderr.decode()
             self.assertRegex(said, r"^3560 points denoised .*, 0 kept as they were\n")
 
+    def test_pcd_files_keep_all_but_the_removed_points(self):
+        """Fields of all kinds, the place of the sensor and remarks. Oracle: the records of the file with them."""
+        gone = set(self.low + self.high)
+        head = ("# of a test\nVERSION 0.7\nFIELDS x y z rgba _ kind\nSIZE 8 8 8 4 1 2\nTYPE F F F U U U\nCOUNT 1 1 1 1 3 2\n"
+                "WIDTH {}\nHEIGHT {}\nVIEWPOINT 5 6 900 1 0 0 0\nPOINTS {}\nDATA {}\n")
+        rows = [struct.pack("<3dI3B2H", *point, 0xff000000 - i, 1, 2, 3, i, i % 7) for i, point in enumerate(self.points)]
+        own = self.path("in.pcd")
+        own.write_bytes(head.format(60, 60, 3600, "binary").encode() + b"".join(rows))
+        for encoding in ("binary", "ascii", "binary_compressed"):
+            source = own if encoding == "binary" else self.path(f"{encoding}.pcd")
+            if source != own:
+                self.ok("run", own, source, "--strength", "0", "--encoding", encoding.replace("_", "-"), "-q")
+            said = self.ok("run", source, self.path("cut.pcd"), "--outliers", "remove", "--force").stderr.decode()
+            self.assertIn("3560 are left", said)
+            self.assertNotIn("place of the sensor", said)
+            self.assertIn("the grid of 60 x 60 points has gaps now, so the points are one row", said)
+            self.ok("run", source, self.path("all.pcd"), "--force", "-q")
+            data = self.path("cut.pcd").read_bytes()
+            begin = source.read_bytes().index(b"DATA") + len(f"DATA {encoding}\n")
+            expected = source.read_bytes()[:begin].replace(b"WIDTH 60", b"WIDTH 3560").replace(b"HEIGHT 60", b"HEIGHT 1")
+            expected = expected.replace(b"POINTS 3600", b"POINTS 3560")
+            self.assertEqual(data[:len(expected)], expected)
+            if encoding == "binary":
+                size, body = len(rows[0]), self.path("all.pcd").read_bytes()[begin:]
+                left = [body[i * size:(i + 1) * size] for i in range(3600) if i not in gone]
+                self.assertEqual(data[len(expected):], b"".join(left))
+            elif encoding == "ascii":
+                left = [line for i, line in enumerate(self.path("all.pcd").read_bytes()[begin:].splitlines(True)) if i not in gone]
+                self.assertEqual(data[len(expected):], b"".join(left))
+            else:  # by way of the uncompressed one
+                for name in ("cut", "all"):
+                    self.ok("run", self.path(f"{name}.pcd"), self.path(f"{name}.csv"), "--strength", "0", "--force", "-q")
+                whole = self.path("all.csv").read_text().splitlines()
+                self.assertEqual(self.path("cut.csv").read_text().splitlines(),
+                                 whole[:1] + [line for i, line in enumerate(whole[1:]) if i not in gone])
+            if encoding != "binary_compressed":
+                self.ok("run", source, self.path("tiles.pcd"), "--outliers", "remove", "--tiles", 2, "--force", "-q")
+                self.assertEqual(self.path("tiles.pcd").read_bytes(), data)
+        self.ok("run", own, self.path("text.pcd"), "--outliers", "remove", "--encoding", "ascii", "-q")
+        text = self.path("text.pcd").read_text()
+        self.assertIn("VIEWPOINT 5 6 900", text)
+        self.assertEqual(len(text.split("DATA ascii\n")[1].splitlines()), 3560)
+
     def test_the_page_on_a_result_without_its_outliers(self):
         ids = ("uchar", "classification", [i % 3 for i in range(3600)])
         source, page = write_ply(self.path("in.ply"), self.points, extra=[ids]), self.path("r.html")
@@ -263,7 +306,7 @@ class Classes(Case):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
         write_ply(self.path("in.ply"), self.points)
-        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS, LAZ and OBJ", "--outliers mark", "--each"])
+        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS, LAZ, PCD and OBJ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
 
