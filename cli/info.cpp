@@ -59,9 +59,8 @@ std::string info_text(const Cloud& cloud, const Estimates& estimates, const Para
   if (const double step = file_info(cloud).step; estimates.noise > 0 && step > estimates.noise)
     fmt::format_to(out, "            less than the step of {:.4g} between coordinates: --las-scale makes that finer\n",
                    step);
-  for (const std::string& note : notes_on_cloud(estimates)) fmt::format_to(out, "note        {}\n", note);
-  if (const std::string coarse = coarse_floats(cloud, estimates, estimates.noise); !coarse.empty())
-    fmt::format_to(out, "note        {}\n", coarse);
+  for (const std::string& note : notes_on_cloud(estimates, stored_float_step(cloud, estimates)))
+    fmt::format_to(out, "note        {}\n", note);
   const std::vector<AttributeInfo> all = attributes(cloud);
   text += all.empty() ? "attributes  none\n" : "attributes\n";
   for (const AttributeInfo& attribute : all) {

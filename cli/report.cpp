@@ -73,26 +73,6 @@ std::string coarse_steps(double step, double noise) {
       step, noise);
 }
 
-std::string coarse_floats(const Cloud& cloud, const Estimates& estimates, double noise) {
-  constexpr Format kOfFloats[] = {Format::ply, Format::pcd, Format::npy, Format::stl};
-  const std::optional<Format> format = file_info(cloud).format;
-  const bool is_of_floats =
-      format && std::find(std::begin(kOfFloats), std::end(kOfFloats), *format) != std::end(kOfFloats);
-  if (!is_of_floats || position_type(cloud) != ScalarType::float32 || !(noise > 0)) return {};
-  float step = 0;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    for (const double end : {estimates.min[axis], estimates.max[axis]}) {
-      const auto farthest = static_cast<float>(std::abs(cloud.origin[axis] + end));
-      step = std::max(step, std::nextafter(farthest, HUGE_VALF) - farthest);
-    }
-  }
-  if (!(step > noise)) return {};
-  return fmt::format(
-      "coordinates of the file are 32-bit floats, which lie {:.4g} apart so far from 0, coarse against the noise of "
-      "{:.4g}: what is finer was lost when it was written; write doubles there, or coordinates near 0",
-      step, noise);
-}
-
 Json rounding_json(double step) { return {{"step", step}, {"rms", kRoundingRms * step}}; }
 
 std::string rounding_text(double step) {

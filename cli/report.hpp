@@ -25,9 +25,6 @@ Json outliers_json(const OutlierCounts& outliers);
 /// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
 std::string coarse_steps(double step, double noise);
 /// The error that rounding to such steps adds on each axis.
-/// That the coordinates of a file of 32-bit floats are coarse against the noise where they are, far from 0; else empty.
-std::string coarse_floats(const Cloud& cloud, const Estimates& estimates, double noise);
-
 Json rounding_json(double step);
 /// The line that tells it; empty without steps.
 std::string rounding_text(double step);

@@ -121,7 +121,8 @@ class PageMaker {
     const Statistics& moved = copy_.displacement;
     Estimates known = estimates_;
     known.without_surface = 0;  // whether such points kept their place is the run's affair
-    return notes_on_run({}, known, {}, {moved.mean, moved.rms, moved.p95, moved.max});
+    return notes_on_run({}, known, {}, {moved.mean, moved.rms, moved.p95, moved.max},
+                        stored_float_step(before_, known));
   }
 
   std::string warnings() const {

@@ -122,13 +122,12 @@ std::string normals_note(const Cloud& cloud, const WriteOptions& options) {
                  : "--normals update replaces them");
 }
 
-std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud,
-                               const Estimates& estimates, double noise, const Findings& findings) {
+std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud, double noise,
+                               const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
   if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
     result.push_back(normals_note(cloud, options));
-  for (const std::string& coarse : {coarse_steps(findings.step, noise), coarse_floats(cloud, estimates, noise)})
-    if (!coarse.empty()) result.push_back(coarse);
+  if (const std::string coarse = coarse_steps(findings.step, noise); !coarse.empty()) result.push_back(coarse);
   return result;
 }
 
@@ -157,12 +156,13 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
-  findings.notes = notes(keeps_normals, options, after, estimates, noise, findings);
+  findings.notes = notes(keeps_normals, options, after, noise, findings);
   if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
     findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> doubtful =
-      notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max});
+      notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max},
+                   stored_float_step(before, estimates));
   findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
 }
 

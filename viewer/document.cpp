@@ -277,8 +277,9 @@ void Document::show_result(const Request& request, const std::stop_token& stop) 
   std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
                             make_array("exceptions", moved.exceptions)};
   if (fresh) arrays.push_back(make_array("motion_normals", motion_));
-  std::vector<std::string> notes = notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
-                                                {moved.mean, moved.rms, moved.p95, moved.max});
+  std::vector<std::string> notes =
+      notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
+                   {moved.mean, moved.rms, moved.p95, moved.max}, stored_float_step(cloud_, facts_.estimates));
   notes.insert(notes.end(), notes_.begin(), notes_.end());
   send_(pack(result_answer(request, report, moved, notes, facts_.step, milliseconds_since(start), errand_of(request)),
              arrays));

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
@@ -14,17 +15,26 @@
 
 namespace pointfair {
 
-/// Of a cloud before a run: coordinates around one origin whose steps are coarse against the noise. Lengths are in file
-/// units. Empty where there is nothing to say. O(1); never fails.
-POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estimates);
+/// The largest step between 32-bit floats within these bounds. O(1).
+POINTFAIR_EXPORT double stored_float_step(const Position& min, const Position& max);
+
+/// The same within the bounds of a cloud whose file stores its coordinates as such floats; else 0. `estimates`: of that
+/// cloud. O(1).
+POINTFAIR_EXPORT double stored_float_step(const Cloud& cloud, const Estimates& estimates);
+
+/// Of a cloud before a run: coordinates around one origin, or as they are stored, whose steps are coarse against the
+/// noise. `stored_step` as stored_float_step. Lengths are in file units. Empty where there is nothing to say. O(1);
+/// never fails.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estimates, double stored_step = 0);
 
 /// Of a run in memory: the notes on its cloud; and that points are too sparse to tell noise from shape, that noise or
 /// moves are large against the cloud, that wide neighbourhoods were chosen as for long-wave noise, or that many points
 /// show no surface. `asked`: the parameters as they were given to Pipeline::run; `estimates` and `report`: of that
-/// pipeline; `moved`: how far points moved in the end, with all limits. Empty where there is nothing to say. O(1);
-/// never fails.
+/// pipeline; `moved`: how far points moved in the end, with all limits; `stored_step` as stored_float_step. Empty where
+/// there is nothing to say. O(1); never fails.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates,
-                                                       const Report& report, const Displacement& moved);
+                                                       const Report& report, const Displacement& moved,
+                                                       double stored_step = 0);
 
 /// Of the places of sensors that a run took, in the coordinates of the file: one that lies more than a hundred
 /// diagonals outside the bounds of the cloud, as where it is in another unit or another coordinate system. `origin`: of

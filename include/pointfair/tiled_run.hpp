@@ -79,7 +79,8 @@ struct TiledReport {
   OutlierAction outlier_action;             ///< as asked for
   OutlierOutcome outcome;                   ///< what it came to
   Displacement displacement;
-  double step = 0;  ///< between coordinates that an output stores as integers, the largest; else 0
+  double step = 0;               ///< between coordinates that an output stores as integers, the largest; else 0
+  double stored_float_step = 0;  ///< the largest between those that a binary input stores as 32-bit floats; else 0
 };
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that

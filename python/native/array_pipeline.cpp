@@ -35,9 +35,10 @@ void ArrayPipeline::forget() {
   points_ = 0;
 }
 
-void ArrayPipeline::hold(Kind kind, std::size_t points) {
+void ArrayPipeline::hold(Kind kind, std::size_t points, ScalarType type) {
   kind_ = kind;
   points_ = points;
+  type_ = type;
 }
 
 void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
@@ -62,7 +63,7 @@ void ArrayPipeline::load(std::span<const double> coordinates, bool) {
   own_.assign(positions.begin(), positions.end());
   before_ = make_cloud(own_);
   before_.source ? pipeline_.load(before_) : pipeline_.load(before_.points);
-  hold(Kind::doubles, positions.size());
+  hold(Kind::doubles, positions.size(), ScalarType::float64);
 }
 
 void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
@@ -72,7 +73,7 @@ void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
                 "device='cuda', or copy the array to host memory");
   forget();
   before_.origin = pipeline_.load(points, stream);
-  hold(Kind::on_card, points.count);
+  hold(Kind::on_card, points.count, points.type);
 }
 
 void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
@@ -101,6 +102,17 @@ void ArrayPipeline::set_viewpoint(const std::string& text) {
 
 void ArrayPipeline::require_cloud() const {
   if (kind_ == Kind::nothing) throw Error(ErrorKind::usage, "the pipeline holds no cloud: call load first");
+}
+
+double ArrayPipeline::stored_float_step(const Estimates& estimates) const {
+  if (kind_ == Kind::cloud) return pointfair::stored_float_step(before_, estimates);
+  if (type_ != ScalarType::float32) return 0;
+  Position min = before_.origin, max = before_.origin;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    min[axis] += estimates.min[axis];
+    max[axis] += estimates.max[axis];
+  }
+  return pointfair::stored_float_step(min, max);
 }
 
 void ArrayPipeline::check(Kind kind, std::size_t coordinates) const {

@@ -55,11 +55,13 @@ class ArrayPipeline {
   /// Throws ErrorKind::usage where nothing is loaded.
   void require_cloud() const;
   std::size_t points() const { return points_; }
+  /// As pointfair::stored_float_step.
+  double stored_float_step(const Estimates& estimates) const;
   const Position& origin() const { return before_.origin; }
   Pipeline& pipeline() { return pipeline_; }
 
  private:
-  void hold(Kind kind, std::size_t points);
+  void hold(Kind kind, std::size_t points, ScalarType type = ScalarType::float32);
   void check(Kind kind, std::size_t coordinates) const;
   std::vector<Point> moved(const Params& params, const Limits& limits, const Watch& watch);
   void apply(const Limits& limits, std::span<Point> after) const;
@@ -67,7 +69,8 @@ class ArrayPipeline {
   Pipeline pipeline_;
   Kind kind_ = Kind::nothing;
   std::size_t points_ = 0;
-  Cloud before_;  // origin; and the points where something needs them
+  ScalarType type_ = ScalarType::float32;  // of an array
+  Cloud before_;                           // origin; and the points where something needs them
   std::vector<Selection> ignored_;
   std::vector<Position> own_;  // the positions in double, unless floats without an origin were loaded
 };

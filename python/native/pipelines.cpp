@@ -172,8 +172,9 @@ std::vector<std::string> notes(SharedPipeline& self, const Params& asked, const 
   std::vector<std::string> result;
   self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) {
     Pipeline& pipeline = arrays.pipeline();
-    result = notes_on_run(asked, pipeline.estimates(watch.stop), pipeline.report(),
-                          {moves[0], moves[1], moves[2], moves[3]});
+    const Estimates& found = pipeline.estimates(watch.stop);
+    result = notes_on_run(asked, found, pipeline.report(), {moves[0], moves[1], moves[2], moves[3]},
+                          arrays.stored_float_step(found));
   });
   return result;
 }

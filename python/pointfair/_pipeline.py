@@ -156,10 +156,11 @@ class Pipeline(Generic[Points]):
         return Estimates(*self._native.estimates())
 
     def notes(self, moved: Any = 0.0) -> list[str]:
-        """Why the result of the last run may not be what it seems, in sentences, as the program prints them: points
-        too sparse for their noise, noise or moves that are large against the cloud, neighbourhoods as for noise that
-        neighbours share, points that show no surface. `moved` are the lengths that points moved, an array; without it
-        large moves are not told. Empty where there is nothing to say. Measures what estimates() does; O(N) for `moved`.
+        """Why the result of the last run may not be what it seems, in sentences, as the program prints them: floats
+        that are coarse so far from 0, points too sparse for their noise, noise or moves that are large against the
+        cloud, neighbourhoods as for noise that neighbours share, points that show no surface. `moved` are the lengths
+        that points moved, an array; without it large moves are not told. Empty where there is nothing to say. Measures
+        what estimates() does; O(N) for `moved`.
 
         Examples:
             >>> rng = np.random.default_rng(1)

@@ -4,13 +4,17 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
+#include <utility>
+
+#include "io/source.hpp"
 
 namespace pointfair {
 namespace {
 
 // What a cloud and a run on it look like, lengths in file units; 0: unknown.
 struct Look {
-  double spacing = 0, noise = 0, diagonal = 0, float_step = 0;  // of the input
+  double spacing = 0, noise = 0, diagonal = 0, float_step = 0, stored_step = 0;  // of the input
   bool is_noise_given = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
@@ -31,6 +35,13 @@ void add_coarse_floats(const Look& look, std::vector<std::string>& notes) {
   if (!(look.noise > 0) || !(kFewest * look.float_step > look.noise)) return;
   notes.push_back("coordinates far from the middle of the cloud are computed in steps of " + rounded(look.float_step) +
                   ", coarse against the noise of " + rounded(look.noise) + "; split so wide a cloud");
+}
+
+void add_stored_floats(const Look& look, std::vector<std::string>& notes) {
+  if (!(look.noise > 0) || !(look.stored_step > look.noise)) return;
+  notes.push_back("coordinates are stored as 32-bit floats, which lie " + rounded(look.stored_step) +
+                  " apart so far from 0, coarse against the noise of " + rounded(look.noise) +
+                  ": what is finer was lost when they were written; write doubles there, or coordinates near 0");
 }
 
 void add_sparse(const Look& look, std::vector<std::string>& notes) {
@@ -111,6 +122,7 @@ std::vector<std::string> notes_on(const Look& look) {
   std::vector<std::string> notes;
   if (add_nothing_to_see(look, notes)) return notes;
   add_coarse_floats(look, notes);
+  add_stored_floats(look, notes);
   add_sparse(look, notes);
   add_large(look, notes);
   add_long_wave(look, notes);
@@ -136,24 +148,50 @@ int chosen_min_neighbors(const Params& asked, const Params& used) {
   return asked.min_neighbors == kAutomatic ? used.min_neighbors : 0;
 }
 
+// In the coordinates of the file.
+std::pair<Position, Position> bounds_of(const Position& origin, const Estimates& estimates) {
+  Position min = origin, max = origin;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    min[axis] += estimates.min[axis];
+    max[axis] += estimates.max[axis];
+  }
+  return {min, max};
+}
+
 }  // namespace
 
-std::vector<std::string> notes_on_cloud(const Estimates& estimates) {
+double stored_float_step(const Position& min, const Position& max) {
+  float farthest = 0;
+  for (const Position& corner : {min, max})
+    for (const double value : corner) farthest = std::max(farthest, static_cast<float>(std::abs(value)));
+  return double{std::nextafter(farthest, std::numeric_limits<float>::infinity())} - double{farthest};
+}
+
+double stored_float_step(const Cloud& cloud, const Estimates& estimates) {
+  if (!cloud.source || !cloud.source->stores_floats()) return 0;
+  const auto [min, max] = bounds_of(cloud.origin, estimates);
+  return stored_float_step(min, max);
+}
+
+std::vector<std::string> notes_on_cloud(const Estimates& estimates, double stored_step) {
   std::vector<std::string> notes;
   Look look;
   look.noise = estimates.noise;
   look.float_step = estimates.float_step;
+  look.stored_step = stored_step;
   add_coarse_floats(look, notes);
+  add_stored_floats(look, notes);
   return notes;
 }
 
 std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates, const Report& report,
-                                      const Displacement& moved) {
+                                      const Displacement& moved, double stored_step) {
   return notes_on(
       {.spacing = estimates.spacing,
        .noise = noise_of(asked, report.params, estimates.noise),
        .diagonal = estimates.diagonal,
        .float_step = estimates.float_step,
+       .stored_step = stored_step,
        .is_noise_given = is_noise_given(asked, report.params),
        .moved = moved,
        .finite = estimates.finite,
@@ -163,11 +201,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
 
 std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
                                              const Estimates& estimates) {
-  Position min = origin, max = origin;
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    min[axis] += estimates.min[axis];
-    max[axis] += estimates.max[axis];
-  }
+  const auto [min, max] = bounds_of(origin, estimates);
   std::vector<std::string> notes;
   add_far_sensors(viewpoints, min, max, estimates.diagonal, notes);
   return notes;
@@ -180,6 +214,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .noise = noise_of(report.asked, report.params, report.noise.value_or(0)),
                 .diagonal = report.diagonal,
                 .float_step = report.float_step,
+                .stored_step = report.stored_float_step,
                 .is_noise_given = is_noise_given(report.asked, report.params),
                 .moved = report.displacement,
                 .finite = finite,

@@ -14,6 +14,7 @@
 #include "pipeline/devices.hpp"
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
+#include "pointfair/run_notes.hpp"
 #include "scale/emit.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/points_file.hpp"
@@ -208,6 +209,7 @@ TiledReport TiledRun::report() const {
     const Zones zones = folder.plan.zones();
     report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
     report.ignored = state_->measured().ignored;
+    if (folder.plan.stores_floats) report.stored_float_step = stored_float_step(report.min, report.max);
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
     report.short_neighborhoods = counts.short_neighborhoods;

@@ -67,6 +67,12 @@ std::vector<Point> Source::place() {
   return points;
 }
 
+// Others write digits, whole numbers, or offsets from a place.
+bool Source::stores_floats() const {
+  constexpr Format kOfNumbers[] = {Format::ply, Format::pcd, Format::npy, Format::stl};
+  return std::ranges::find(kOfNumbers, format()) != std::end(kOfNumbers) && coordinate_type() == ScalarType::float32;
+}
+
 Position Source::sampled_origin() const {
   return io::choose_origin(sample_of(*this, [&](std::size_t block, io::OriginSample& sample) {
     thread_local std::vector<Position> values;

@@ -81,6 +81,8 @@ class Source {
   virtual bool copy_points(std::size_t, std::span<Point>) const { return false; }
   /// The type that holds the file's coordinates without loss.
   virtual ScalarType coordinate_type() const = 0;
+  /// Whether the file holds coordinates as 32-bit floats, which are coarse far from 0.
+  bool stores_floats() const;
 
   /// Per-point attributes, coordinates excluded, in the order of the file.
   virtual std::vector<io::Column> columns() const = 0;

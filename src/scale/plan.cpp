@@ -326,6 +326,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
              ": its unit is not that of the other inputs; give lengths without m, mm or cm");
     plan.params = params;
     plan.coordinate_step = std::min(plan.coordinate_step, coordinate_step(*source));
+    // the types of a text are known once all of it was read
+    plan.stores_floats |= source->encoding() != Encoding::ascii && source->stores_floats();
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;

@@ -50,6 +50,7 @@ struct Plan {
   Position origin{};           ///< as guessed; the first measurement corrects it
   double zone_side = 0;        ///< the same
   double coordinate_step = 0;  ///< the least of the files'
+  bool stores_floats = false;  ///< a binary file does, of its coordinates
   bool is_placed = false;      ///< origin and zones are known, and not guessed
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;

@@ -45,6 +45,7 @@ void read_line(const std::string& line, Plan& plan) {
     plan.zone_side = parse_number(in);
     plan.coordinate_step = parse_number(in);
   }
+  if (key == "floats") plan.stores_floats = true;
   if (key == "write") {
     int format = -1, encoding = -1, overwrite = 0, sync = 0;
     in >> format >> encoding;
@@ -99,6 +100,7 @@ std::string text_of(const Plan& plan) {
   out << "origin";
   for (const double c : plan.origin) out << " " << text_of(c);
   out << "\nzones " << text_of(plan.zone_side) << " " << text_of(plan.coordinate_step);
+  if (plan.stores_floats) out << "\nfloats";
   out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
       << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
       << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";

@@ -122,7 +122,8 @@ class Words(Case):
         for points, scalar, told in ((near, "float", False), (far, "float", True), (far, "double", False)):
             write_ply(self.path("text.ply"), points, scalar=scalar)
             self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
-            (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said())
+            for tiles in ([], ["--tiles", "2"]):
+                (self.assertIn if told else self.assertNotIn)("32-bit floats, which lie 0.5 apart so far from 0", self.said(*tiles))
             info = self.ok("info", self.path("in.ply")).stdout.decode()
             self.assertEqual("32-bit floats, which lie 0.5 apart" in info, told)
             self.assertIn("attributes  none", info)

@@ -56,6 +56,16 @@ def test_notes_are_those_of_the_last_run():
     assert len(told) == 1 and f"{moved.max():.4g}" in told[0]
 
 
+def test_floats_that_lost_their_digits_far_from_0_are_noted():
+    rng = np.random.default_rng(1)
+    far = np.c_[20 * rng.random((3000, 2)), rng.normal(0, 0.03, 3000)] + (500_000, 5_800_000, 0)
+    pipeline = pf.Pipeline("cpu")
+    for points, told in ((far.astype(np.float32), True), (far, False), (far.astype(np.float32) - np.float32((5e5, 58e5, 0)), False)):
+        pipeline.load(points)
+        pipeline.run()
+        assert any("32-bit floats, which lie 0.5 apart" in note for note in pipeline.notes()) == told
+
+
 def test_a_loaded_array_may_change_afterwards():
     for points in (POINTS.copy(), POINTS.astype(np.float32), np.c_[POINTS, POINTS[:, 0]]):
         pipeline = pf.Pipeline("cpu")
