@@ -108,6 +108,7 @@ inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elbe
 inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
 inline constexpr int kMinNeighbors = 16;                         // points; quality
 inline constexpr int kMinNeighborsIfCorrelated = 48;             // points; 075
+inline constexpr int kMostOfWhiteNoise = 2 * kMinNeighbors;      // points; of more, noise is taken as shared
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052

@@ -10,6 +10,7 @@
 #include <span>
 #include <vector>
 
+#include "estimate/automatic_values.hpp"
 #include "estimate/constants.hpp"
 #include "estimate/coordinate_steps.hpp"
 #include "estimate/hidden_surface.hpp"
@@ -233,6 +234,13 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
   result.levels = noise_levels(places, noise, for_each);
 }
 
+// Of the different places that the automatic neighbourhoods hold.
+double neighbors_of_places(const Estimate& its, const Repeats& repeats) {
+  const Noise& noise = its.noise;
+  const double spacing = noise.surface_spacing > 0 ? noise.surface_spacing : its.spacing.mean;
+  return double(automatic_min_neighbors(noise, spacing)) * repeats.points / repeats.copies;
+}
+
 // Levels times a factor.
 std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels, double factor) {
   if (factor == 1) return levels;
@@ -287,13 +295,14 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.for_each_on_host(count, body);
   };
   Spacing spacing;
-  int repeats = 1;
+  Repeats found;
   StepsInHeads in_heads;
   for_each(3, [&](std::size_t which) {  // at the same time, since each has serial parts
-    if (which == 0) repeats = repeats_among(nearest, for_each);
+    if (which == 0) found = repeats_among(nearest, for_each);
     if (which == 1) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
     if (which == 2) spacing = spacing_of(samples.spacing);
   });
+  int repeats = found.points;
   const auto thinned_samples = [&] {
     return from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
   };
@@ -327,6 +336,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     cover_rounding(steps, samples.noise);
     result = {spacing, {}};
     add_noise();
+  } else {
+    result.noise.is_of_copies = found.copies > 1 && neighbors_of_places(result, found) <= kMostOfWhiteNoise;
   }
   return result;
 }

@@ -48,6 +48,8 @@ struct Noise {
   // The number of neighbouring points that make one measurement, being copies or sharing one error. Lengths here are
   // those of a cloud with one point for each measurement.
   int repeats = 1;
+  // Neighbourhoods hold many points for no other reason than copies at one place, as corners of faces that share none.
+  bool is_of_copies = false;
   // Share of the samples around which no surface shows, in a cloud that has one somewhere.
   double without_surface = 0;
 };

@@ -43,11 +43,13 @@ int first_even(const std::vector<double>& by_rank) {
 
 }  // namespace
 
-int repeats_among(const NearestRows& nearest, const ForEach& for_each) {
-  if (rows_share_errors(nearest, for_each)) return kMostRepeats;
-  if (first_even(squared_distances_by_rank(nearest.heads(), kStepNeighbors)) == 1) return 1;
+Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {
+  if (rows_share_errors(nearest, for_each)) return {kMostRepeats};
+  if (first_even(squared_distances_by_rank(nearest.heads(), kStepNeighbors)) == 1) return {};
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
-  return std::min(first_even(squared_distances_by_rank(rows, kRepeatNeighbors)), kMostRepeats);
+  const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
+  const auto elsewhere = std::ranges::find_if(by_rank, [](double squared) { return squared > 0; });
+  return {std::min(first_even(by_rank), kMostRepeats), 1 + int(elsewhere - by_rank.begin())};
 }
 
 }  // namespace pointfair

@@ -8,10 +8,14 @@
 
 namespace pointfair {
 
-// How many nearest points make one measurement at most samples, 1 to kMostRepeats. Of points spread over a surface, the
-// squared distance to the k-th nearest grows with k from the first one on; where it is far smaller before some k, as
-// many lie together. Of rows that are off from each other (row_offsets.hpp), the most. Asks for rows of eight, and for
-// longer ones where these are uneven or along lines.
-int repeats_among(const NearestRows& nearest, const ForEach& for_each);
+struct Repeats {
+  int points = 1;  // that make one measurement at most samples, 1 to kMostRepeats
+  int copies = 1;  // of these, at exactly one place
+};
+
+// Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where
+// it is far smaller before some k, as many lie together. Of rows that are off from each other (row_offsets.hpp), the
+// most. Asks for rows of eight, and for longer ones where these are uneven or along lines.
+Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair

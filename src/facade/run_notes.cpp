@@ -18,7 +18,7 @@ struct Look {
   bool is_noise_given = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
-  int min_neighbors = 0;                          // that the run chose; 0: it was given
+  int min_neighbors = 0;                          // that the run chose; 0: it was given, or copies alone ask for it
 };
 
 std::string written(double value, std::chars_format format, int digits) {
@@ -144,8 +144,8 @@ double noise_of(const Params& asked, const Params& used, double estimated) {
   return is_noise_given(asked, used) ? used.noise.value : estimated;
 }
 
-int chosen_min_neighbors(const Params& asked, const Params& used) {
-  return asked.min_neighbors == kAutomatic ? used.min_neighbors : 0;
+int chosen_min_neighbors(const Params& asked, const Params& used, bool is_of_copies) {
+  return asked.min_neighbors == kAutomatic && !is_of_copies ? used.min_neighbors : 0;
 }
 
 // In the coordinates of the file.
@@ -196,7 +196,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
        .moved = moved,
        .finite = estimates.finite,
        .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
-       .min_neighbors = chosen_min_neighbors(asked, report.params)});
+       .min_neighbors = chosen_min_neighbors(asked, report.params, estimates.is_of_copies)});
 }
 
 std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
@@ -219,7 +219,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .moved = report.displacement,
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
-                .min_neighbors = chosen_min_neighbors(report.asked, report.params)});
+                .min_neighbors = chosen_min_neighbors(report.asked, report.params, report.is_of_copies)});
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;
 }

@@ -200,6 +200,7 @@ TiledReport TiledRun::report() const {
     if (needed.noise) {
       report.noise = state_->measured().noise.sigma;
       report.without_surface = state_->measured().noise.without_surface;
+      report.is_of_copies = state_->measured().noise.is_of_copies;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
@@ -208,8 +209,8 @@ TiledReport TiledRun::report() const {
     report.outlier_action = folder.plan.outlier_action;
     const Zones zones = folder.plan.zones();
     report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
-    report.ignored = state_->measured().ignored;
     if (folder.plan.stores_floats) report.stored_float_step = stored_float_step(report.min, report.max);
+    report.ignored = state_->measured().ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
     report.short_neighborhoods = counts.short_neighborhoods;

@@ -67,7 +67,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         b.valid,
                         noise_quantiles(noise().sigma, levels().get()),
                         float_step_of(b, shell.origin),
-                        noise().without_surface};
+                        noise().without_surface,
+                        noise().is_of_copies};
 }
 
 // What is believed of the noise, once it was measured.

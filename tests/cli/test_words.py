@@ -16,6 +16,14 @@ def shared_noise(window, side=90):
     return [(x, y, sum(rows[x + i][y] for i in range(window)) / window) for x in range(side) for y in range(side)]
 
 
+def write_stl(path, points, side):
+    """The grid of points as triangles, each with its own three corners."""
+    faces = [face for x in range(side - 1) for y in range(x * side, x * side + side - 1)
+             for face in ((y, y + side, y + 1), (y + side, y + side + 1, y + 1))]
+    corners = b"".join(struct.pack("<12fH", 0, 0, 0, *(c for corner in face for c in points[corner]), 0) for face in faces)
+    path.write_bytes(bytes(80) + struct.pack("<I", len(faces)) + corners)
+
+
 class Words(Case):
     def said(self, *words):
         """What a run with these words says."""
@@ -103,6 +111,15 @@ class Words(Case):
     def test_many_files_as_one_cloud_get_the_notes_of_the_cloud(self):
         for name, points in zip(("a.ply", "b.ply"), (shared_noise(7)[:4000], shared_noise(7)[4000:])):
             write_ply(self.path(name), points)
+    def test_corners_of_faces_that_share_none_are_no_long_wave_noise(self):
+        for window, told in ((1, False), (7, True)):
+            write_stl(self.path("in.stl"), shared_noise(window), 90)
+            for tiles in ([], ["--tiles", "2"]):
+                said = self.ok("run", self.path("in.stl"), self.path("out.stl"), "--force", "-v", *tiles).stderr.decode()
+                self.assertEqual("long-wave" in said, told, said)
+                if not tiles:
+                    self.assertRegex(said, r"min_neighbors +auto \(64\)")
+
         said = self.ok("run", self.path("a.ply"), self.path("b.ply"), "--out-dir", self.path("out")).stderr.decode()
         self.assertIn("as for long-wave noise", said)
 
