@@ -117,7 +117,7 @@ UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& remove
   return unmoved;
 }
 
-// A point may be counted in both `kept` and `held`: limits hold outliers and points without a surface, too.
+// A point without a normal may be counted in both `kept` and `held`.
 std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
   return points - std::min(points, kept + held);
 }

@@ -68,8 +68,8 @@ bool only_copies(const RunArguments& arguments, const Params& params, const Limi
          !is_page(arguments.report);
 }
 
-// Whether a run that keeps outliers is to mark them, for the pictures of a page. The moved points have the same bits.
-bool marks_for_page(const Params& params, Pipeline& pipeline, std::stop_token stop) {
+// Whether a run that keeps outliers is to mark them, so that they are known. The moved points have the same bits.
+bool may_mark(const Params& params, Pipeline& pipeline, std::stop_token stop) {
   try {
     return pipeline.resolve(params, stop).outliers == Outliers::keep;
   } catch (const Error& error) {
@@ -143,11 +143,13 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
   std::vector<Position> viewpoints;  // where another was given than the file's
   if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
-  const bool marks = arguments.outlier_action.kind == OutlierAction::Kind::none && is_page(arguments.report) &&
-                     marks_for_page(params, pipeline, stop);
+  const bool copies = only_copies(arguments, params, limits);
+  const bool tells = !arguments.quiet || !arguments.report.empty() || arguments.each;
+  const bool needs_marks = is_page(arguments.report) || (tells && !copies && !movable.empty());
+  const bool marks =
+      arguments.outlier_action.kind == OutlierAction::Kind::none && needs_marks && may_mark(params, pipeline, stop);
   Params with_marks = params;
   if (marks) with_marks.outliers = Outliers::mark;
-  const bool copies = only_copies(arguments, params, limits);
   if (copies) in_file_units(params, file_info(cloud).metres_per_unit);  // throws as a run does
   Cloud denoised = copies ? cloud : pipeline.run(with_marks, stop, [&](double share, std::string_view stage) {
     progress.show(share, stage);
@@ -178,9 +180,9 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   }
   progress.show(1, "writing");
   write(arguments.output, remaining ? *remaining : denoised, write_options);
-  if (!arguments.quiet || !arguments.report.empty() || arguments.each) {
+  if (tells) {
     progress.show(1, "measuring");
-    count_limited(cloud, limits, movable, findings);
+    count_limited(cloud, limits, movable, pipeline.outliers(), findings);
     if (copies) return find_copied(write_options, denoised, pipeline, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     for (const std::string& far_away : notes_on_viewpoints(

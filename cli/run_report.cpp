@@ -134,7 +134,7 @@ std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, 
 }  // namespace
 
 void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
-                   Findings& findings) {
+                   std::span<const std::uint8_t> outliers, Findings& findings) {
   std::vector<std::uint8_t> ignored(limits.ignore.empty() ? 0 : cloud.points.size());
   for (const Selection& selection : limits.ignore) {
     const std::vector<std::uint8_t> selected = selected_points(selection, cloud);
@@ -142,6 +142,7 @@ void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std
   }
   for (std::size_t i = 0; i < movable.size(); ++i) {
     if (movable[i] || !is_finite(cloud.points[i])) continue;
+    if (!outliers.empty() && outliers[i] != 0) continue;  // counted among these
     ++(!ignored.empty() && ignored[i] ? findings.ignored : findings.held);
   }
 }
@@ -211,7 +212,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
              count_denoised(points, kept, findings.held), device_name(report.device.kind), report.total_milliseconds,
              kept, reasons_kept(unmoved, findings.ignored));
   if (findings.held > 0)
-    fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", findings.held);
+    fmt::print(stderr, "limits, such as --where and --box, held {} others in place\n", findings.held);
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
   fmt::print(stderr, "{}{}",

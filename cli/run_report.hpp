@@ -26,14 +26,16 @@ struct Findings {
   double step = 0;            // between the coordinates written, where these are integers
   double float_step = 0;      // as in Estimates
   std::uint64_t ignored = 0;  // finite points left out by --ignore
-  std::uint64_t held = 0;     // others that the limits did not let move
+  std::uint64_t held = 0;     // others that the limits did not let move, and that are no outliers
   OutlierCounts removed;      // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
 };
 
-// Counts the points that the limits hold, and those of them that were left out of the run.
-void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable, Findings& findings);
+// Counts the points that the limits alone hold, and those that were left out of the run. `outliers`: of the run, if
+// these are known.
+void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std::uint8_t> movable,
+                   std::span<const std::uint8_t> outliers, Findings& findings);
 // The estimates are of the points that were not ignored. `keeps_normals`: those in the file stay.
 void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& before, const Cloud& after,
               Pipeline& pipeline, std::stop_token stop, Findings& findings);

@@ -131,7 +131,7 @@ void print_summary(const TiledReport& report) {
   fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were{}\n",
              count_denoised(report.points - removed.total(), kept, report.held), report.tiles,
              report.tiles == 1 ? "tile" : "tiles", kept, reasons_kept(u, report.ignored));
-  if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} points in place\n", report.held);
+  if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} others in place\n", report.held);
   const std::optional<double> given = given_noise(report);
   const std::string source = noise_source(report.asked, report.noise_attribute);
   fmt::print(stderr, "{}{}",

@@ -105,7 +105,8 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
     apply_limits(limits, movable, before, now);
     held.resize(movable.size());
     for (std::size_t i = 0; i < movable.size(); ++i)
-      held[i] = !movable[i] && is_finite(before[i]) && !(are_some_ignored && ignored[i]);
+      held[i] = !movable[i] && is_finite(before[i]) && !(are_some_ignored && ignored[i]) &&
+                outliers[i] == point::Outlier::none;  // which are counted by themselves
   }
   for (const Range& range : counted_.take({first, first + now.size()})) {
     const auto from = static_cast<std::size_t>(range.begin - first), count = std::size_t(range.end - range.begin);

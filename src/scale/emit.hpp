@@ -47,7 +47,7 @@ class TileResults final : public io::MovedPoints {
             std::span<Point> now) const override;
   /// All points of the file, block by block, from many threads. Counts nothing.
   void visit_outliers(unsigned threads, const std::function<void(const SomeOutliers&)>& visit) const;
-  /// Of the points that were taken so far, each counted once: outliers that were held back, points that the limits
+  /// Of the points that were taken so far, each counted once: outliers that were held back, others that the limits
   /// held, and how far points moved.
   OutlierCounts held_back() const { return held_back_.counts(); }
   std::uint64_t held_by_limits() const { return held_by_limits_; }

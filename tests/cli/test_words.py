@@ -55,6 +55,21 @@ class Words(Case):
             self.assertEqual(int(denoised) + int(kept), 3000)
             self.assertGreater(int(kept), 5 + 10)
 
+    def test_an_outlier_that_the_limits_hold_is_counted_once(self):
+        points = sphere_points(3000, 0.01)
+        for i in range(0, 60, 2):
+            points[i] = tuple(2 * c for c in points[i])
+        write_ply(self.path("in.ply"), points, extra=[("uchar", "part", [i % 2 for i in range(3000)])])
+        limits = ("--where", "part=1")  # outliers have 0
+        for tiles in ([], ["--tiles", "2"]):
+            said = self.said(*limits, *tiles)
+            denoised, kept = map(int, re.search(r"^(\d+) points denoised.*, (\d+) kept as they were", said, re.M).groups())
+            held = int(re.search(r"held (\d+) others in place", said).group(1))
+            self.assertEqual([denoised, kept + held], [1500, 1500], said)
+            self.assertGreater(kept, 20)
+            counts = self.report("run", self.path("in.ply"), self.path("out.ply"), "--force", *limits, *tiles)["unmoved"]
+            self.assertEqual(sum(counts.values()), 1500, counts)
+
     def test_no_unit_is_advised_where_the_file_has_none(self):
         write_ply(self.path("in.ply"), sphere_points(100, 0.01))
         self.assertNotIn("mm", self.fails(2, "run", self.path("in.ply"), self.path("out.ply"), "--radius", "wide", says="0.02 (file units)"))
@@ -96,6 +111,15 @@ class Words(Case):
         for words in ([], ["--tiles", "2"]):
             self.assertNotIn("long-wave", self.said("--min-neighbors", "48", *words))
 
+    def test_corners_of_faces_that_share_none_are_no_long_wave_noise(self):
+        for window, told in ((1, False), (7, True)):
+            write_stl(self.path("in.stl"), shared_noise(window), 90)
+            for tiles in ([], ["--tiles", "2"]):
+                said = self.ok("run", self.path("in.stl"), self.path("out.stl"), "--force", "-v", *tiles).stderr.decode()
+                self.assertEqual("long-wave" in said, told, said)
+                if not tiles:
+                    self.assertRegex(said, r"min_neighbors +auto \(64\)")
+
     def test_points_that_show_no_surface_are_told(self):
         rng = random.Random(2)
         ground = [(rng.uniform(0, 40), rng.uniform(0, 40), rng.gauss(0, 0.02)) for _ in range(6000)]
@@ -111,15 +135,6 @@ class Words(Case):
     def test_many_files_as_one_cloud_get_the_notes_of_the_cloud(self):
         for name, points in zip(("a.ply", "b.ply"), (shared_noise(7)[:4000], shared_noise(7)[4000:])):
             write_ply(self.path(name), points)
-    def test_corners_of_faces_that_share_none_are_no_long_wave_noise(self):
-        for window, told in ((1, False), (7, True)):
-            write_stl(self.path("in.stl"), shared_noise(window), 90)
-            for tiles in ([], ["--tiles", "2"]):
-                said = self.ok("run", self.path("in.stl"), self.path("out.stl"), "--force", "-v", *tiles).stderr.decode()
-                self.assertEqual("long-wave" in said, told, said)
-                if not tiles:
-                    self.assertRegex(said, r"min_neighbors +auto \(64\)")
-
         said = self.ok("run", self.path("a.ply"), self.path("b.ply"), "--out-dir", self.path("out")).stderr.decode()
         self.assertIn("as for long-wave noise", said)
 
