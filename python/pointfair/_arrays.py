@@ -56,13 +56,23 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
     except UsageError:
         raise
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
+        if "bfloat16" in str(getattr(points, "dtype", "")):
+            raise _no_floats("bfloat16", name) from None
         raise UsageError(f"{name} is {kind_of(points)}, which NumPy cannot see as an array: {error}") from None
+
+
+def _no_floats(dtype: Any, name: str) -> UsageError:
+    return UsageError(f"{name} has the type {dtype}: give float32 or float64, {name}.astype('float32') of an array or {name}.float() of a tensor")
 
 
 def check_floats(array: np.ndarray[Any, Any], name: str) -> None:
     """Raises UsageError unless the array is float32 or float64."""
+    if array.dtype.names:
+        axes = ("x", "y", "z") if {"x", "y", "z"} <= set(array.dtype.names) else array.dtype.names[:3]
+        columns = ", ".join(f"{name}[{axis!r}]" for axis in axes)
+        raise UsageError(f"{name} has the fields {', '.join(array.dtype.names)}: give the coordinates alone, numpy.column_stack([{columns}]) for instance")
     if array.dtype.kind != "f" or array.dtype.itemsize not in (4, 8):
-        raise UsageError(f"{name} has the type {array.dtype}: give float32 or float64, {name}.astype('float32') of an array or {name}.float() of a tensor")
+        raise _no_floats(array.dtype, name)
 
 
 def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: bool = False) -> None:
@@ -79,6 +89,9 @@ def check_positions(array: np.ndarray[Any, Any], name: str = "points", images: b
 
 def _how_to_positions(array: np.ndarray[Any, Any], name: str) -> str:
     """What makes positions of an array of another shape; empty where nothing is likely."""
+    if array.ndim == 3 and array.shape[2] not in (3, 4) and 3 in array.shape[:2]:
+        axes = (1, 2, 0) if array.shape[0] == 3 and array.shape[1] != 3 else (0, 2, 1)
+        return f"; numpy.transpose({name}, {axes}) has the coordinates last, and denoise_batch takes a batch of clouds"
     if array.ndim == 3:
         return "; reshape(-1, 3) makes one of an image"
     if array.ndim == 2 and array.shape[0] in (3, 4) and array.shape[1] > 4:

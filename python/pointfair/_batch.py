@@ -104,6 +104,8 @@ class _Batch:
             return self._packed(array, Layout(array, clouds), _as_offsets(offsets), show)
         if array.ndim != 3:
             raise UsageError(f"clouds has the shape {array.shape}: give a list of (N, 3), one (B, N, 3), or offsets too")
+        if array.shape[2] not in (3, 4):
+            check_positions(array, "clouds")
         size, count = array.shape[1], array.shape[0]
         flat = array.reshape(-1, array.shape[2])
         check_positions(flat, "each cloud")

@@ -79,7 +79,9 @@ def text_of(value: Any) -> str:
         return encodable(value)
     if value is None:
         return "auto"
-    if isinstance(value, (bool, np.bool_)):
+    if hasattr(value, "item") and np.ndim(value) == 0:  # of an array or a tensor
+        value = value.item()
+    if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, numbers.Integral):
         return str(int(value))

@@ -125,7 +125,9 @@ def test_few_points(count, dtype):
     (POINTS.astype(object), "float32 or float64"), (POINTS > 0, "float32 or float64"), (POINTS[:, :2], r"\(N, 3\)"),
     (POINTS[0], r"\(N, 3\)"), (POINTS.reshape(2, 2, 100, 3), r"\(H, W, 3\)"), (np.empty(()), r"\(N, 3\)"),
     (np.empty((5, 5)), r"\(N, 3\)"),
-    (POINTS.T, r"points.T has a point in each row"), (np.empty((50, 6)), r"points\[:, :3\] has the coordinates"), (np.zeros(3, "f4,f4,f4"), "float32 or float64"),
+    (POINTS.T, r"points.T has a point in each row"), (np.empty((50, 6)), r"points\[:, :3\] has the coordinates"), (np.zeros(3, [("i", "u1"), ("x", "f4"), ("y", "f4"), ("z", "f4")]), r"numpy.column_stack\(\[points\['x'\], points\['y'\], points\['z'\]\]\)"),
+    (POINTS.reshape(2, -1, 3).swapaxes(1, 2), r"numpy.transpose\(points, \(0, 2, 1\)\) has the coordinates last, and denoise_batch takes a batch"),
+    (POINTS.reshape(2, -1, 3).transpose(2, 0, 1), r"numpy.transpose\(points, \(1, 2, 0\)\) has the coordinates last"),
 ])
 def test_what_is_no_array_of_positions_is_refused_with_advice(wrong, advice):
     with pytest.raises(pf.UsageError, match=advice):
@@ -180,8 +182,11 @@ def test_torch_tensors_come_back_as_tensors():
     assert pf.denoise(tensor, k=10, out=tensor) is tensor and torch.equal(tensor, result)
     with pytest.raises(pf.UsageError, match="detach"):
         pf.denoise(tensor.requires_grad_())
-    with pytest.raises(pf.UsageError):
+    with pytest.raises(pf.UsageError, match=r"bfloat16: give float32 or float64, .*points.float\(\)"):
         pf.denoise(tensor.detach().to(torch.bfloat16))
+    assert torch.equal(pf.denoise(torch.from_numpy(POINTS.copy()), k=torch.tensor(10)), result)
+    with pytest.raises(pf.UsageError, match=r"clouds has the shape \(1, 3, \d+\).*numpy.transpose\(clouds, \(0, 2, 1\)\)"):
+        pf.denoise_batch(tensor.detach().T[None])
 
 
 RANDOM_SHAPES = st.one_of(st.tuples(st.integers(0, 40), st.sampled_from([3, 3, 3, 4, 2, 5])),
