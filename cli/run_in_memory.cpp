@@ -68,16 +68,6 @@ bool only_copies(const RunArguments& arguments, const Params& params, const Limi
          !is_page(arguments.report);
 }
 
-// Whether a run that keeps outliers is to mark them, so that they are known. The moved points have the same bits.
-bool may_mark(const Params& params, Pipeline& pipeline, std::stop_token stop) {
-  try {
-    return pipeline.resolve(params, stop).outliers == Outliers::keep;
-  } catch (const Error& error) {
-    if (error.kind() != ErrorKind::usage) throw;
-    return false;  // there is nothing to measure
-  }
-}
-
 // Why points are outliers. Those that the limits hold keep their class, and stay.
 std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std::span<const std::uint8_t> movable) {
   std::vector<std::uint8_t> reasons(outliers.begin(), outliers.end());
@@ -145,9 +135,10 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
   const bool copies = only_copies(arguments, params, limits);
   const bool tells = !arguments.quiet || !arguments.report.empty() || arguments.each;
-  const bool needs_marks = is_page(arguments.report) || (tells && !copies && !movable.empty());
-  const bool marks =
-      arguments.outlier_action.kind == OutlierAction::Kind::none && needs_marks && may_mark(params, pipeline, stop);
+  const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
+  // so that outliers are known; the moved points have the same bits
+  const bool marks = !acts && params.outliers != Outliers::mark && keeps_outliers(params) &&
+                     (is_page(arguments.report) || (tells && !copies && !movable.empty()));
   Params with_marks = params;
   if (marks) with_marks.outliers = Outliers::mark;
   if (copies) in_file_units(params, file_info(cloud).metres_per_unit);  // throws as a run does
@@ -155,8 +146,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     progress.show(share, stage);
   });
   if (!denoised.source) denoised.source = cloud.source;
-  const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
-  if (marks || acts) denoised.added.pop_back();  // the file gets classes, flags or no attribute
+  // the file gets classes, flags or no attribute
+  if ((marks || acts) && !pipeline.outliers().empty()) denoised.added.pop_back();
   apply_limits(limits, movable, cloud, denoised);
   if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);

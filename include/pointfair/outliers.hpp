@@ -9,6 +9,7 @@
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
+#include "pointfair/params.hpp"
 
 namespace pointfair {
 
@@ -24,6 +25,10 @@ struct OutlierAction {
   std::optional<std::uint8_t> value;
   friend bool operator==(const OutlierAction&, const OutlierAction&) = default;
 };
+
+/// Whether a run looks for outliers and leaves them at their place: with Outliers::keep and mark, and where automatic
+/// means keep, which no cloud decides.
+POINTFAIR_EXPORT bool keeps_outliers(const Params& params);
 
 /// What an action came to.
 struct OutlierOutcome {

@@ -11,12 +11,6 @@
 namespace pointfair {
 namespace {
 
-// Lists are the paper's road, which knows no outliers; and where points also move along the surface, a long way says
-// nothing of noise.
-bool seeks_outliers(const Params& p) {
-  if (p.outliers != Outliers::automatic) return p.outliers != Outliers::off;
-  return sums_within_radius(p) && moves_along_normal(p.method);
-}
 bool reads_outlier_radius(const Params& p) { return seeks_outliers(p) && sums_within_radius(p); }
 
 // A width in radii of the neighbourhood, which for lists is what they reach on average.
@@ -62,6 +56,11 @@ bool follows_rings(const Params& p) {
 // The system of method implicit is over lists, which hold an edge of its graph each.
 bool sums_within_radius(const Params& p) {
   return p.k == kAutomatic && !p.constraint && !follows_rings(p) && p.method != Method::implicit;
+}
+
+bool seeks_outliers(const Params& p) {
+  if (p.outliers != Outliers::automatic) return p.outliers != Outliers::off;
+  return sums_within_radius(p) && moves_along_normal(p.method);
 }
 
 namespace {

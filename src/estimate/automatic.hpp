@@ -42,4 +42,8 @@ bool follows_rings(const Params& params);
 // Whether sums run over all points within a radius, and not over lists.
 bool sums_within_radius(const Params& params);
 
+// Whether outliers are looked for. Lists are the paper's road, which knows none; and where points also move along the
+// surface, a long way says nothing of noise.
+bool seeks_outliers(const Params& params);
+
 }  // namespace pointfair

@@ -70,6 +70,12 @@ class Words(Case):
             counts = self.report("run", self.path("in.ply"), self.path("out.ply"), "--force", *limits, *tiles)["unmoved"]
             self.assertEqual(sum(counts.values()), 1500, counts)
 
+    def test_the_time_of_a_run_with_limits_has_that_of_its_estimates(self):
+        write_ply(self.path("in.ply"), sphere_points(3000, 0.01))
+        for limits in ([], ["--box", "0,0,0,1,1,1"]):
+            stages = self.report("run", self.path("in.ply"), self.path("out.ply"), "--force", *limits)["stages"]
+            self.assertIn("estimate", [stage["name"] for stage in stages], limits)
+
     def test_no_unit_is_advised_where_the_file_has_none(self):
         write_ply(self.path("in.ply"), sphere_points(100, 0.01))
         self.assertNotIn("mm", self.fails(2, "run", self.path("in.ply"), self.path("out.ply"), "--radius", "wide", says="0.02 (file units)"))
