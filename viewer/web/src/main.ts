@@ -88,8 +88,8 @@ class Page {
       this.writeUrl();
       if (this.view.colour === "displacement") this.colouring.apply(this.view.colour);
     };
-    this.scene.onShown = () => this.shown();
-    this.scene.onStill = (still) => (document.body.dataset.still = String(still));
+    this.scene.frames.onShown = () => this.shown();
+    this.scene.frames.onStill = (still) => (document.body.dataset.still = String(still));
     listenToKeys(this.scene.canvas, this.actions);
     window.addEventListener("hashchange", () => this.readUrl());
     this.connection = new Connection((message) => this.receive(message), (state) => this.connectionChanged(state));

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cloud in the picture: what is drawn when. While something moves, as much as a frame may take; once it rests, all of
-// it, in portions.
+// The cloud in the picture: what there is to see, from where, and what is known of a place in it.
 
 import * as THREE from "three";
 import { CloudPoints } from "./cloud_points";
 import type { Colours } from "./colours";
-import { Detail } from "./detail";
 import { Eye, pixelsPerUnit } from "./eye";
+import { Frames, type Painter } from "./frames";
 import { Motion } from "./motion";
 import { type ColourMode, Picture, type Shot } from "./picture";
 import type { CloudHead, Numbers, Result } from "./protocol";
@@ -14,34 +13,22 @@ import type { Box } from "./region";
 import type { Draw, View } from "./state";
 import { upAxis } from "./upright";
 
-const kRestDelay = 350; // ms
 const kPicked = 400000; // points looked at for one under the pointer
 
 export class Scene {
   readonly canvas: HTMLCanvasElement;
   private readonly picture = new Picture();
   private readonly points = new CloudPoints(this.picture.material);
-  private readonly detail = new Detail();
+  readonly frames = new Frames(this.painter(), () => this.rest());
   private readonly eye: Eye;
   private motion = new Motion();
   private previewed: Float32Array | null = null; // displacements that faces show until a whole result comes
   private cloud: CloudHead | null = null;
   private positions: Float32Array = new Float32Array();
-  private frame = 0;
-  private wanted = false; // a frame is
-  private unfinished = false; // the last one is not there yet
-  private restTimer = 0;
-  private restDelay = kRestDelay;
-  private changing = false; // something moves
   private moving = false; // the camera does
-  private drawn: number | null = null; // points in the image that is being completed; null: nothing is
   private holding = false;
   private fittedAspect = 0; // for which the camera was placed
   onCamera: () => void = () => {};
-  /** Told when a frame is on the screen. */
-  onShown: () => void = () => {};
-  /** Told whether the picture is whole, at its finest, and nothing is about to change it. */
-  onStill: (still: boolean) => void = () => {};
 
   constructor(private readonly parent: HTMLElement, private readonly view: View) {
     this.canvas = this.picture.canvas;
@@ -321,95 +308,48 @@ export class Scene {
 
   /** The picture as a PNG. */
   async screenshot(): Promise<Blob> {
-    this.showNow(this.count, 1);
+    this.frames.drawWhole();
     return this.picture.png();
   }
 
-  /** Draws the whole cloud anew, unless something moves. */
-  render(): void {
-    this.drawn = null;
-    this.schedule();
+  private render(): void {
+    this.frames.render();
   }
 
-  // Something moves: a part of the cloud is enough until it rests.
   private touch(): void {
-    this.changing = true;
-    clearTimeout(this.restTimer);
-    this.restTimer = window.setTimeout(() => this.rest(), this.restDelay);
-    this.render();
+    this.frames.touch();
   }
 
   private rest(): void {
-    const { moving } = this;
-    this.moving = this.changing = false;
-    this.restDelay = kRestDelay;
-    this.render();
-    if (!moving) return;
+    if (!this.moving) return;
+    this.moving = false;
     this.view.camera = this.eye.numbers;
     this.onCamera();
   }
 
-  // A frame begins when the one before is there: frames in a queue would show what is past.
-  private schedule(): void {
-    this.wanted = true;
-    if (!this.frame && !this.unfinished) this.frame = requestAnimationFrame((now) => void this.nextFrame(now));
-    this.tellStill();
+  private painter(): Painter {
+    const scene = this;
+    return {
+      get count() {
+        return scene.count;
+      },
+      get drawsPortions() {
+        return scene.draw === "points";
+      },
+      advance: (now) => this.eye.advance(now),
+      clear: () => this.picture.clear(),
+      paint: (from, count, of, fineness, last) => this.paint(from, count, this.shot(of, fineness), last),
+      finished: () => this.picture.finished(),
+    };
   }
 
-  private tellStill(): void {
-    this.onStill(!this.wanted && !this.unfinished && !this.changing);
-  }
-
-  private async nextFrame(now: number): Promise<void> {
-    this.frame = 0;
-    this.wanted = false;
-    this.unfinished = true;
-    this.eye.advance(now);
-    if (this.changing) await this.drawMoving();
-    else await this.drawPortion();
-    this.unfinished = false;
-    if (this.wanted) this.schedule();
-    this.tellStill();
-  }
-
-  private async drawMoving(): Promise<void> {
-    const drawn = this.detail.moving(this.count);
-    this.showNow(drawn, this.detail.fineness);
-    const time = await this.picture.finished();
-    if (this.count) this.detail.learnMoving(drawn, this.count, time);
-    this.restDelay = Math.max(kRestDelay, 2 * time);
-    this.onShown();
-  }
-
-  // The screen keeps what it shows until the image is complete.
-  private async drawPortion(): Promise<void> {
-    const shot = this.shot(this.count, 1);
-    if (this.drawn === null) this.picture.clear();
-    const from = this.drawn ?? 0;
-    const portion = shot.draw === "points" ? this.detail.completing(this.count - from) : this.count - from; // faces at once
-    const complete = from + portion >= this.count;
-    this.drawn = from + portion;
-    this.drawPoints(shot, from, portion, complete);
-    if (complete) this.picture.show(this.eye, shot);
-    else this.schedule();
-    const time = await this.picture.finished();
-    if (shot.draw === "points") this.detail.learnCompleting(portion, time);
-    if (complete) this.onShown();
-  }
-
-  private showNow(drawn: number, fineness: number): void {
-    const shot = this.shot(drawn, fineness);
-    this.drawn = null; // of what is in the image
-    this.picture.clear();
-    this.drawPoints(shot, 0, drawn, true);
-    this.picture.show(this.eye, shot);
-  }
-
-  private drawPoints(shot: Shot, from: number, count: number, withPart: boolean): void {
-    if (!this.cloud) return;
-    if (shot.draw !== "points") this.points.surface.prepare(shot.draw, () => this.previewed ?? this.motion.all());
-    this.eye.setClipPlanes(this.cloud);
-    this.picture.draw(this.points, this.motion, this.eye, shot, from, count, withPart);
+  private paint(from: number, count: number, shot: Shot, last: boolean): void {
+    if (this.cloud) {
+      if (shot.draw !== "points") this.points.surface.prepare(shot.draw, () => this.previewed ?? this.motion.all());
+      this.eye.setClipPlanes(this.cloud);
+      this.picture.draw(this.points, this.motion, this.eye, shot, from, count, last);
+    }
+    if (last) this.picture.show(this.eye, shot);
   }
 
   // Points grow as fewer are drawn, so that the surface stays closed.
@@ -430,7 +370,7 @@ export class Scene {
     this.picture.resize(width, height);
     this.eye.setAspect(width / height);
     if (this.cloud && this.view.camera.length === 0) this.placeCamera();
-    this.showNow(this.detail.moving(this.count), this.detail.fineness); // the new size cleared the screen
+    this.frames.drawQuickly(); // the new size cleared the screen
     this.touch();
   }
 }
