@@ -123,6 +123,18 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
     assert.equal(await page.getByRole("radio", { name: "Denoised" }).getAttribute("aria-checked"), "true");
   });
 
+  await t.test("a length that is refused leaves the one before and its unit", async () => {
+    const unit = page.locator('[data-param="noise"] select.unit');
+    const [noise, its] = [await entry(page, "noise").inputValue(), await unit.inputValue()];
+    for (const [text, says] of [["5mm", "does not say how long its unit is"], ["wide", "cannot be 'wide'"]]) {
+      await entry(page, "noise").fill(text);
+      await page.keyboard.press("Enter");
+      await page.locator(".toast.error", { hasText: says }).waitFor();
+      await canvas(page).focus();
+      assert.deepEqual([await entry(page, "noise").inputValue(), await unit.inputValue()], [noise, its], text);
+    }
+  });
+
   await t.test("a lasso and a box hold points still", async () => {
     await page.getByRole("button", { name: "Draw lasso" }).click();
     const box = await canvas(page).boundingBox();

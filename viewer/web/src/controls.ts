@@ -198,7 +198,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     texts.scale = scale;
     shown = text;
     usedText = used ?? usedText;
-    if (isLength && text !== "auto") texts.unit = unitOf(text);
+    if (isLength && lengthOf(text, scale) > 0) texts.unit = unitOf(text); // what is refused leaves the unit as it is
     refresh();
   };
   return { element, show };

@@ -47,9 +47,10 @@ export class Header {
   }
 
   setCloud(head: CloudHead): void {
+    const points = `${grouped(head.points)} ${head.points === 1 ? "point" : "points"}`;
     const shown = head.shown < head.points ? `, ${grouped(head.shown)} shown` : "";
     const faces = head.faces ? `, ${grouped(head.faces)} faces` : "";
-    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${grouped(head.points)} points${shown}${faces}`));
+    this.file.replaceChildren(h("b", { title: head.path }, head.name), h("span", { class: "count" }, ` · ${points}${shown}${faces}`));
   }
 
   setMode(mode: Mode): void {
