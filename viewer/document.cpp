@@ -360,6 +360,10 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   const fs::path path = options_.save_folder / request.output;
   if (!options_.saves_to_page && fs::is_symlink(path))
     throw Error(ErrorKind::file, request.output + " is a link; choose another name");
+  if (!options_.saves_to_page && !write_options.overwrite && fs::exists(path))
+    throw Error(ErrorKind::file, request.output +
+                                     " exists already; choose another name, or turn on 'Replace a file of "
+                                     "that name'");
   update_movable(request.recipe.limits);
   Cloud denoised = pipeline_->run(request.recipe.params, stop, progress_for(request.id));
   apply_limits(request.recipe.limits, cloud_, denoised);

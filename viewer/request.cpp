@@ -50,7 +50,7 @@ void check_file_name(const std::string& name) {
                      });
   if (!plain)
     throw Error(ErrorKind::usage, "give a plain file name, such as denoised.ply: it is saved in the folder shown");
-  if (!format_of(name)) throw Error(ErrorKind::usage, name + ": its extension names no format that can be written");
+  (void)format_to_write(name, std::nullopt);  // throws for an unknown extension, with those that are known
 }
 
 }  // namespace pointfair::viewer

@@ -322,8 +322,8 @@ class Page {
   }
 
   private async upload(files: File[]): Promise<void> {
-    const scan = given(files);
-    const { file } = scan;
+    const scan = given(files), { file, aside } = scan;
+    if (aside.length) this.stage.say(`One cloud at a time: ${aside.map(({ name }) => name).join(", ")} left aside`);
     if (this.cloud) this.stage.say(`${kIsLocal ? "Reading" : "Sending"} ${file.name}…`);
     else this.stage.welcome.wait(`Reading ${file.name}…`);
     try {

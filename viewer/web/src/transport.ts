@@ -16,6 +16,7 @@ export interface Listener {
 export interface Given {
   file: File;
   named: File[];
+  aside: File[]; // neither of both
 }
 
 const kNamed = /\.(mtl|png|jpe?g|webp)$/i;
@@ -23,7 +24,9 @@ const kNamed = /\.(mtl|png|jpe?g|webp)$/i;
 /** Which of the files is the scan: the first that no scan names. */
 export function given(files: File[]): Given {
   const file = files.find(({ name }) => !kNamed.test(name)) ?? files[0];
-  return { file, named: files.filter((other) => other !== file && kNamed.test(other.name)) };
+  const others = files.filter((other) => other !== file);
+  const isNamed = ({ name }: File) => kNamed.test(name);
+  return { file, named: others.filter(isNamed), aside: others.filter((other) => !isNamed(other)) };
 }
 
 export interface Transport {
