@@ -69,14 +69,20 @@ std::string share_of(std::uint64_t part, std::uint64_t all) {
 }
 
 class PageMaker {
+  // Work that another thread does, or this one once it is asked for.
+  template <class Work>
+  auto beside_this(Work work) const {
+    return std::async(job_.threads == 1 ? std::launch::deferred : std::launch::async, std::move(work));
+  }
+
  public:
   PageMaker(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop)
       : job_(job), before_(before), pipeline_(pipeline), stop_(stop), length_(file_info(before)) {}
 
   std::string make() {
-    std::future<std::string> input_sum = std::async(std::launch::async, sha256_of, job_.input);
+    std::future<std::string> input_sum = beside_this([&] { return sha256_of(job_.input); });
     after_ = read(job_.output, {.threads = job_.threads});
-    std::future<std::string> output_sum = std::async(std::launch::async, sha256_of, job_.output);
+    std::future<std::string> output_sum = beside_this([&] { return sha256_of(job_.output); });
     compare();
     estimates_ = pipeline_.estimates(stop_);
     noise_.resize(before_.points.size());
@@ -141,25 +147,32 @@ class PageMaker {
   void draw() {
     const std::size_t stride = 1 + before_.points.size() / kDrawn;
     const Camera far = overview(before_.points);
-    const double across = std::min(kDetail * estimates_.spacing, kPictureWidth / far.pixels_per_unit / 3);
-    const Camera near = detail(far, before_.points, across);
-    const Seen original = see(far, before_.points, estimates_.spacing, stride);
+    auto original_seen = beside_this([&] { return see(far, before_.points, estimates_.spacing, stride); });
+    std::future<std::string> from_near = beside_this([&] { return pictures_from_near(far); });
     const Seen denoised = see(for_result(far), after_.points, estimates_.spacing, stride);
+    const Seen original = original_seen.get();
+    std::future<std::string> maps = beside_this([&] {
+      displacement_map_ =
+          map_of(denoised, copy_.moved, "how far each point moved, in colours", "How far points moved.");
+      return map_of(original, noise_, "the noise at each point, in colours", "The standard deviation of the noise.");
+    });
     const std::string name = before_.points.empty() ? "no points" : "the cloud";
     before_and_after_ = beside({figure_of(shaded_png(original), name + " before", "Before."),
                                 figure_of(shaded_png(denoised), name + " after", "After, from the same place.")});
-    if (estimates_.spacing > 0) {
-      const std::string width = length_(across);
-      before_and_after_ +=
-          beside({figure_of(shaded_png(see(near, before_.points, estimates_.spacing, 1)),
-                            "a part of it before, from near", fmt::format("Before: a part of {} across.", width)),
-                  figure_of(shaded_png(see(for_result(near), after_.points, estimates_.spacing, 1)),
-                            "the same part after, from near", "After: the same part.")});
-    }
-    noise_map_ =
-        map_of(original, noise_, "the noise at each point, in colours", "The standard deviation of the noise.");
-    displacement_map_ = map_of(denoised, copy_.moved, "how far each point moved, in colours", "How far points moved.");
     draw_outliers(original, far);
+    before_and_after_ += from_near.get();
+    noise_map_ = maps.get();
+  }
+
+  std::string pictures_from_near(const Camera& far) const {
+    if (!(estimates_.spacing > 0)) return {};
+    const double across = std::min(kDetail * estimates_.spacing, kPictureWidth / far.pixels_per_unit / 3);
+    const Camera near = detail(far, before_.points, across);
+    auto after = beside_this([&] { return shaded_png(see(for_result(near), after_.points, estimates_.spacing, 1)); });
+    const std::string before = shaded_png(see(near, before_.points, estimates_.spacing, 1));
+    return beside({figure_of(before, "a part of it before, from near",
+                             fmt::format("Before: a part of {} across.", length_(across))),
+                   figure_of(after.get(), "the same part after, from near", "After: the same part.")});
   }
 
   std::string map_of(const Seen& seen, const std::vector<float>& values, std::string_view alt,

@@ -4,6 +4,11 @@
 
 #include <fmt/format.h>
 
+#ifdef __x86_64__
+#include <cpuid.h>
+#include <immintrin.h>
+#endif
+
 #include <array>
 #include <bit>
 #include <cmath>
@@ -77,6 +82,54 @@ void add_block(const unsigned char* block, Words& state) {
   for (std::size_t i = 0; i < state.size(); ++i) state[i] += worked[i];
 }
 
+#ifdef __x86_64__
+bool has_instructions() {
+  unsigned a = 0, b = 0, c = 0, d = 0;
+  return __get_cpuid(1, &a, &b, &c, &d) && (c & bit_SSE4_1) != 0 && __get_cpuid_count(7, 0, &a, &b, &c, &d) &&
+         (b & bit_SHA) != 0;
+}
+
+// The same of many blocks by instructions for it, in a tenth of the time. They hold the state as ABEF and CDGH, and do
+// four rounds at a time.
+__attribute__((target("sha,sse4.1"))) void add_by_instructions(const unsigned char* block, std::size_t blocks,
+                                                               Words& state) {
+  const auto* constants = reinterpret_cast<const __m128i*>(round_constants().data());
+  auto* const words = reinterpret_cast<__m128i*>(state.data());
+  const __m128i big_endian = _mm_set_epi64x(0x0c0d0e0f08090a0b, 0x0405060700010203);
+  const __m128i cdab = _mm_shuffle_epi32(_mm_loadu_si128(words), 0xb1),
+                efgh = _mm_shuffle_epi32(_mm_loadu_si128(words + 1), 0x1b);
+  __m128i abef = _mm_alignr_epi8(cdab, efgh, 8), cdgh = _mm_blend_epi16(efgh, cdab, 0xf0);
+  for (; blocks > 0; --blocks, block += kBlock) {
+    const __m128i abef_before = abef, cdgh_before = cdgh;
+    __m128i w[4];
+    for (int i = 0; i < 4; ++i)
+      w[i] = _mm_shuffle_epi8(_mm_loadu_si128(reinterpret_cast<const __m128i*>(block) + i), big_endian);
+    for (int r = 0; r < 16; ++r) {
+      __m128i& now = w[r % 4];
+      const __m128i next = w[(r + 1) % 4], after = w[(r + 2) % 4], last = w[(r + 3) % 4];
+      const __m128i summands = _mm_add_epi32(now, _mm_loadu_si128(constants + r));
+      cdgh = _mm_sha256rnds2_epu32(cdgh, abef, summands);
+      abef = _mm_sha256rnds2_epu32(abef, cdgh, _mm_shuffle_epi32(summands, 0x0e));
+      now = _mm_add_epi32(_mm_sha256msg1_epu32(now, next), _mm_alignr_epi8(last, after, 4));
+      now = _mm_sha256msg2_epu32(now, last);
+    }
+    abef = _mm_add_epi32(abef, abef_before);
+    cdgh = _mm_add_epi32(cdgh, cdgh_before);
+  }
+  const __m128i feba = _mm_shuffle_epi32(abef, 0x1b), dchg = _mm_shuffle_epi32(cdgh, 0xb1);
+  _mm_storeu_si128(words, _mm_blend_epi16(feba, dchg, 0xf0));
+  _mm_storeu_si128(words + 1, _mm_alignr_epi8(dchg, feba, 8));
+}
+#endif
+
+void add_blocks(const unsigned char* block, std::size_t blocks, Words& state) {
+#ifdef __x86_64__
+  static const bool kHasInstructions = has_instructions();
+  if (kHasInstructions) return add_by_instructions(block, blocks, state);
+#endif
+  for (; blocks > 0; --blocks, block += kBlock) add_block(block, state);
+}
+
 }  // namespace
 
 std::string sha256_of(const std::filesystem::path& path) {
@@ -89,8 +142,8 @@ std::string sha256_of(const std::filesystem::path& path) {
   while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())), file.gcount() > 0) {
     left = static_cast<std::size_t>(file.gcount());
     length += left;
-    const auto* at = reinterpret_cast<const unsigned char*>(buffer.data());
-    for (; left >= kBlock; left -= kBlock, at += kBlock) add_block(at, state);
+    add_blocks(reinterpret_cast<const unsigned char*>(buffer.data()), left / kBlock, state);
+    left %= kBlock;
   }
   if (file.bad()) throw Error(ErrorKind::file, path.string() + ": cannot be read for its checksum");
   // only the last piece read may have a rest, which lies at its end
@@ -100,6 +153,7 @@ std::string sha256_of(const std::filesystem::path& path) {
   last.push_back(0x80);
   while (last.size() % kBlock != kBlock - 8) last.push_back(0);
   for (int shift = 56; shift >= 0; shift -= 8) last.push_back(static_cast<unsigned char>(8 * length >> shift));
+  // without instructions, so that one sum tests both
   for (std::size_t at = 0; at < last.size(); at += kBlock) add_block(&last[at], state);
   std::string text;
   for (const std::uint32_t word : state) text += fmt::format("{:08x}", word);
