@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames of a depth camera: each frame is one load and one run.
 
-    python sensor_stream.py FOLDER_OF_FRAMES OUTPUT_FOLDER"""
+    python sensor_stream.py FOLDER_OF_PLY_FILES OUTPUT_FOLDER"""
 from __future__ import annotations
 
 import pathlib
@@ -27,7 +27,11 @@ def denoise_frames(frames: Iterable[NDArray[np.float32]], device: str = "auto") 
 
 
 if __name__ == "__main__":
-    paths = sorted(pathlib.Path(sys.argv[1]).glob("*.ply"))
+    source, target = map(pathlib.Path, sys.argv[1:3])
+    paths = sorted(source.glob("*.ply"))
+    if not paths:
+        sys.exit(f"{source}: there is no file *.ply")
+    target.mkdir(parents=True, exist_ok=True)
     clouds = (pf.read(path).xyz.astype(np.float32) for path in paths)
     for path, smooth in zip(paths, denoise_frames(clouds)):
-        pf.write(pathlib.Path(sys.argv[2]) / path.name, smooth)
+        pf.write(target / path.name, smooth)

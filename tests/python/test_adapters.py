@@ -2,6 +2,7 @@
 """The examples, and the packages that they work with; a package that is not installed is skipped."""
 import importlib
 import pathlib
+import subprocess
 import sys
 import types
 
@@ -100,6 +101,19 @@ def test_frames_of_a_sensor():
     frames = [waves(2000 + 100 * i, seed=i, dtype=np.float32) for i in range(3)]
     results = list(sensor_stream.denoise_frames(frames, "cpu"))
     assert all(same_bits(result, pf.denoise(frame, outliers="keep")) for frame, result in zip(frames, results)) and len(results) == 3
+
+
+def test_frames_of_a_folder_are_written_into_another(tmp_path):
+    script = pathlib.Path(importlib.import_module("sensor_stream").__file__)
+    frames = {f"{i}.ply": waves(500, seed=i, dtype=np.float32) for i in range(2)}
+    (tmp_path / "in").mkdir()
+    for name, frame in frames.items():
+        pf.write(tmp_path / "in" / name, frame)
+    subprocess.run([sys.executable, script, tmp_path / "in", tmp_path / "new/out"], check=True)
+    for name, frame in frames.items():
+        assert same_bits(pf.read(tmp_path / "new/out" / name).xyz.astype(np.float32), pf.denoise(frame, outliers="keep"))
+    empty = subprocess.run([sys.executable, script, tmp_path / "new", tmp_path / "none"], capture_output=True, text=True)
+    assert empty.returncode != 0 and "there is no file *.ply" in empty.stderr
 
 
 def test_frames_of_a_depth_camera_lose_their_noise_at_every_depth():
