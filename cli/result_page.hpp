@@ -22,6 +22,7 @@ struct PageJob {
   std::vector<std::uint8_t> outliers;   ///< the reason at each point, as Pipeline::outliers; empty: not known
   std::vector<std::uint8_t> removed;    ///< not 0 at points of the input that the output does not have; empty: none
   unsigned threads = 0;
+  std::uint64_t held = 0;  ///< points that nothing but the limits of the run kept in place
 };
 
 /// The page as HTML of less than 3 MB. Reads the output, so that what it says holds for the file. `pipeline` holds

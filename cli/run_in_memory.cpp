@@ -200,7 +200,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
                     findings.notes,
                     {pipeline.outliers().begin(), pipeline.outliers().end()},
                     remaining ? reasons : std::vector<std::uint8_t>{},
-                    arguments.device.threads};
+                    arguments.device.threads,
+                    findings.held};
   write_text(arguments.report, result_page(job, cloud, pipeline, stop));
 }
 

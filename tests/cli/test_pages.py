@@ -88,6 +88,14 @@ class Pages(Case):
         self.points = spiky_sphere()
         write_ply(self.scan, self.points, extra=[("uchar", "red", [rng.randrange(256) for _ in self.points])])
 
+    def test_points_that_limits_hold_are_among_the_reasons(self):
+        self.ok("run", self.scan, self.out, "--report", self.html, "--box", "0,-9,-9,9,9,9")
+        rows = Page(self.html).rows
+        held = int(rows["others, held by limits such as a box"][0][0].split()[0].replace(",", ""))
+        report = self.report("run", self.scan, self.out, "--force", "--box", "0,-9,-9,9,9,9")["unmoved"]
+        self.assertEqual(held, report["held"])
+        self.assertGreater(held, 1500)
+
     def test_a_run_writes_the_page_of_its_result(self):
         self.ok("run", self.scan, self.out, "--report", self.html)
         page = Page(self.html)
