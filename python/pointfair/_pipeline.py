@@ -15,6 +15,7 @@ from ._progress import Progress, progress_function
 from ._report import DeviceInfo, Estimates, Report, device_of, report_of
 from ._runs import make_params, native_pipeline, set_viewpoint, set_weights
 from ._step import denoise_by_step, refuse_with_step
+from ._values import kind_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -172,7 +173,10 @@ class Pipeline(Generic[Points]):
             >>> any("so far apart, noise and shape look alike" in note for note in notes)
             True
         """
-        lengths = np.asarray(moved, np.float64).ravel()
+        try:
+            lengths = np.asarray(moved, np.float64).ravel()
+        except (TypeError, ValueError):
+            raise UsageError(f"moved is {kind_of(moved)}: give how far points moved, an array of lengths") from None
         lengths = lengths[np.isfinite(lengths)] if np.isfinite(lengths).any() else np.zeros(1)
         moves = (lengths.mean(), np.sqrt(np.mean(lengths**2)), np.quantile(lengths, 0.95), lengths.max())
         return self._native.notes(self._asked._native, [float(value) for value in moves])

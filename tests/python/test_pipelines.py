@@ -50,6 +50,8 @@ def test_notes_are_those_of_the_last_run():
     assert pipeline.notes() == []
     pipeline.run(min_neighbors=48)
     assert pipeline.notes() == []  # given, not chosen
+    with pytest.raises(pf.UsageError, match="moved is a str: give how far points moved"):
+        pipeline.notes("far")
     pipeline.load(cube)
     moved = np.linalg.norm(pipeline.run() - cube, axis=1)
     told = [note for note in pipeline.notes(moved) if "large against the cloud" in note]
