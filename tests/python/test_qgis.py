@@ -135,6 +135,17 @@ def test_the_output_is_that_of_a_run(denoise, scan, tmp_path):
     assert np.array_equal(pf.read(given["OUTPUT"]).xyz, expected.xyz) and not np.array_equal(expected.xyz, pf.read(scan).xyz)
     assert result["OUTPUT"] == given["OUTPUT"] and result["POINTS"] == 3000 and sorted(result)[1:] == denoise.outputs
     assert feedback.shares[-1] == 100 and len(feedback.told) == 1 and not feedback.warned
+    assert "0 kept their place; noise 0.01 (given)" in feedback.told[0]
+
+
+def test_points_that_where_holds_kept_their_place(denoise, tmp_path):
+    pf.Cloud(waves(3000), {"part": np.arange(3000, dtype=np.uint8) % 3}).write(tmp_path / "parts.ply")
+    given = {"INPUT": str(tmp_path / "parts.ply"), "WHERE": "part=1", "OUTPUT": str(tmp_path / "out.ply")}
+    feedback = Feedback()
+    unmoved = denoise.processAlgorithm(given, None, feedback)["UNMOVED"]
+    before, after = pf.read(given["INPUT"]).xyz, pf.read(given["OUTPUT"]).xyz
+    assert 2000 <= unmoved == sum(map(np.array_equal, before, after)) < 2100
+    assert f"{unmoved} kept their place" in feedback.told[0] and "(estimated)" in feedback.told[0]
 
 
 def test_defaults_are_those_of_the_library_and_losses_are_told(denoise, scan, tmp_path):

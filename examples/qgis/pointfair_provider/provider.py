@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 
+import numpy as np
 from qgis.core import (QgsProcessingAlgorithm, QgsProcessingException, QgsProcessingOutputNumber,
                        QgsProcessingParameterEnum, QgsProcessingParameterFile, QgsProcessingParameterFileDestination,
                        QgsProcessingParameterNumber, QgsProcessingParameterString, QgsProcessingProvider)
@@ -74,8 +75,10 @@ class Denoise(QgsProcessingAlgorithm):
             raise QgsProcessingException(str(error)) from error
         for loss in losses:
             feedback.pushWarning(str(loss.message))
-        feedback.pushInfo(f"{report.points} points, {report.unmoved.total} kept their place; noise {report.noise:.4g}")
-        return {"OUTPUT": output, "POINTS": report.points, "UNMOVED": report.unmoved.total}
+        unmoved = int(((smooth.xyz == cloud.xyz) | np.isnan(cloud.xyz)).all(axis=1).sum())  # by WHERE, too
+        noise = f"{chosen['noise']:.4g} (given)" if "noise" in chosen else f"{report.noise:.4g} (estimated)"
+        feedback.pushInfo(f"{report.points} points, {unmoved} kept their place; noise {noise}")
+        return {"OUTPUT": output, "POINTS": report.points, "UNMOVED": unmoved}
 
 
 class Provider(QgsProcessingProvider):
