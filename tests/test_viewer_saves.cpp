@@ -33,7 +33,9 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   EXPECT_EQ(file_bytes(folder / "denoised.ply"), file_bytes(folder / "expected.ply"));
 
   EXPECT_TRUE(session.receive(R"({"type":"save","id":2,"output":"denoised.ply"})"));
-  EXPECT_NE(std::string(page.wait_for("error", 2).head["message"]).find("exists already; choose another name, or turn on"), std::string::npos);
+  EXPECT_NE(
+      std::string(page.wait_for("error", 2).head["message"]).find("exists already; choose another name, or turn on"),
+      std::string::npos);
   EXPECT_TRUE(session.receive(R"({"type":"save","id":3,"output":"denoised.ply","overwrite":true})"));
   page.wait_for("saved", 3);
 }
