@@ -10,7 +10,7 @@ namespace pointfair {
 
 // How many nearest points make one measurement at most samples, 1 to kMostRepeats. Of points spread over a surface, the
 // squared distance to the k-th nearest grows with k from the first one on; where it is far smaller before some k, as
-// many lie together. Of rows that are off from each other (row_offsets.hpp), the most. Asks for rows of eight, and for
+// many lie together. Of rows that are off from each other, the most. Asks for rows of eight, and for
 // longer ones where these are uneven or along lines.
 int repeats_among(const NearestRows& nearest, const ForEach& for_each);
 
