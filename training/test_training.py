@@ -30,6 +30,7 @@ from scene import Scene
 try:
     sys.path.append(str(pathlib.Path(__file__).resolve().parent / "net"))
     import coarse
+    import data
     import spec
     import torch
 except ImportError:
@@ -213,6 +214,40 @@ class CoarseLists(unittest.TestCase):
             spread = 4 * np.sqrt(6000 / stride)
             self.assertAlmostEqual((one < 1 / stride).sum(), 6000 / stride, delta=spread)
             self.assertAlmostEqual(((one < 1 / stride) & (other < 1 / stride)).sum(), 6000 / stride ** 2, delta=spread)
+
+
+@unittest.skipUnless(torch, "no torch")
+class ErrorsOfPieces(unittest.TestCase):
+    """Points of a plane, each measured several spacings away along it; five of them are outliers above it."""
+
+    def setUp(self):
+        rng = np.random.default_rng(6)
+        x, y = np.meshgrid(np.arange(32.), np.arange(32.))
+        true = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1)
+        self.order = rng.permutation(1024)
+        measured = true[self.order]
+        sound = np.arange(1024) >= 5
+        up = np.tile([0., 0, 1], (1024, 1))
+        finest = cKDTree(measured).query(measured, 17)[1][:, 1:]
+        columns = [measured, measured, up, np.full(1024, 3.), true, up, sound, np.ones(1024, bool), np.zeros(1024, np.int16), finest]
+        kinds = [np.float32] * 6 + [bool, bool, np.int16, np.int16]
+        self.piece = [torch.from_numpy(np.ascontiguousarray(c, kind)) for c, kind in zip(columns, kinds)]
+        self.batch = data.Batch([("objects_plane", self.piece)] * 2)
+        self.places = torch.from_numpy(measured.astype(np.float32)).repeat(2, 1)
+
+    def test_places_that_are_those_of_the_truth_in_another_order_have_no_error(self):
+        floor = data.FLOOR * self.batch.spacing
+        mean, rms, chamfer = self.batch.errors(self.places)
+        torch.testing.assert_close(mean, floor)
+        torch.testing.assert_close(rms, floor)
+        self.assertLess(float((chamfer - floor * floor).max()), 11 / 1019)
+
+    def test_errors_are_distances_from_the_plane_and_to_the_nearest_places(self):
+        mean, rms, chamfer = self.batch.errors(self.places + torch.tensor([0, 0, .25]))
+        floor = data.FLOOR * self.batch.spacing
+        torch.testing.assert_close(mean, .25 + floor)
+        self.assertGreater(float(chamfer.min()), 2 * .0625)
+        self.assertLess(float(chamfer.max()), 2 * .0625 + .03)
 
 
 if __name__ == "__main__":

@@ -53,6 +53,13 @@ class Pieces:
         threading.Thread(target=work, daemon=True).start()
 
 
+def nearest(places, there, own, its):
+    """Which of `there` is nearest to each of `places`, among those of the same number: (pieces, points, 3), and numbers
+    of (pieces, points)."""
+    apart = sum((places[:, :, None, axis] - there[:, None, :, axis]).square() for axis in range(3))
+    return torch.where(own[:, :, None] == its[:, None], apart, torch.inf).argmin(2)
+
+
 class Batch:
     """Pieces side by side, and how far the points of each lie from the truth. With a generator, what is said of the noise
     is off, and coarse scales hold other points each time."""
@@ -75,23 +82,27 @@ class Batch:
         lists = [(scale + start).flatten(0, 1).contiguous() for scale in lists.unbind(1)]
         self.noise = noise
         self.geometry = model.Geometry(measured, self.classical, normal, noise, lists)
-        own = torch.arange(len(noise), device=noise.device)[:, None]
-        self.near = torch.cat([own, lists[0]], 1)
+        self.first, self.cloud = start[..., 0], of_piece(cloud)
+        self.target = torch.where(of_piece(sound), self.cloud, -2)
         gap = self.true[lists[0]] - self.true[:, None]
         self.spacing = (gap * gap).sum(2).mean(1).sqrt().view(self.count, -1).median(1).values * 0.6
 
     def errors(self, points):
         """Of each piece: mean distance to the surface, its root mean square, and the Chamfer distance."""
-        apart = points[:, None] - self.true[self.near]
-        square, which = (apart * apart).sum(2).min(1)
-        at = self.near.gather(1, which[:, None])[:, 0]
-        off = ((points - self.true[at]) * self.true_normal[at]).sum(1).view(self.count, -1)
-        back = self.true[:, None] - points[self.near]
-        chamfer = square + (back * back).sum(2).min(1).values
+        at = self.nearest(points, self.true)
+        apart, back = points - self.true[at], self.true - points[self.nearest(self.true, points)]
+        off = (apart * self.true_normal[at]).sum(1).view(self.count, -1)
+        chamfer = (apart * apart + back * back).sum(1)
         total = self.judged.sum(1).clamp_min(1)
         mean = lambda x: (x.view(self.count, -1) * self.judged).sum(1) / total
         floor = FLOOR * self.spacing
         return mean(off.abs()) + floor, (mean(off * off) + floor * floor).sqrt(), mean(chamfer) + floor * floor
+
+    def nearest(self, places, there):
+        """The row of the nearest sound point of the same cloud, for each place. Among its neighbours in the default run alone
+        it need not be: where noise is wider than their lists, their true places lie all about."""
+        of_piece = lambda column: column.detach().view(self.count, -1, 3)
+        return (nearest(of_piece(places), of_piece(there), self.cloud, self.target) + self.first).flatten()
 
     def ratios(self, points):
         """Logarithms of the errors over those of the default run."""

@@ -124,16 +124,19 @@ class Training:
             self.net.input.weight.detach()[0, 0].item()
             return (time.time() - start) / 10
 
-        plain, core, of_scale, slid = seconds_of_step(), self.net.core, model.of_scale, model.slid
+        plain, functions = seconds_of_step(), (self.net.core, model.of_scale, model.slid, data.nearest)
         compiled = math.inf
+
+        def use(some):
+            self.net.core, model.of_scale, model.slid, data.nearest = some
+
         try:
-            functions = (core, of_scale, slid)
-            self.net.core, model.of_scale, model.slid = (torch.compile(f, dynamic=False) for f in functions)
+            use(torch.compile(f, dynamic=False) for f in functions)
             compiled = seconds_of_step()
         except Exception as error:  # whatever a compiler may meet: training goes on without
             print(f"not compiled: {str(error)[:300]}", flush=True)
         if not compiled < plain:
-            self.net.core, model.of_scale, model.slid = core, of_scale, slid
+            use(functions)
         print(f"a step takes {plain:.4f} s, compiled {compiled:.4f} s", flush=True)
 
     def save(self):
