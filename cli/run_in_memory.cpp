@@ -15,10 +15,20 @@
 #include "point_noise.hpp"
 #include "pointfair/pointfair.hpp"
 #include "result_page.hpp"
-#include "viewpoint_note.hpp"
 
 namespace pointfair::cli {
 namespace {
+
+// Of an organised cloud without a given viewpoint: where the sensor stood by its grid, or how to say it; else empty.
+std::string grid_viewpoint_note(const Cloud& cloud) {
+  const FileInfo info = file_info(cloud);
+  if (info.grid_width == 0) return "";
+  for (const FileInfo::Row& row : info.rows)
+    if (row.name == "sensor") return fmt::format("the sensor stood at {}; --viewpoint none takes no place", row.value);
+  if (!file_viewpoints(cloud).empty()) return "";
+  return "the file does not say where the sensor stood, and its grid does not tell: --viewpoint x,y,z finds points "
+         "between two surfaces (mixed pixels)";
+}
 
 // Refuses before the run what would fail after it.
 void check_normals(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {

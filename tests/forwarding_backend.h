@@ -69,4 +69,19 @@ class ForwardingBackend : public Backend, public Sampling {
   std::unique_ptr<Backend> to_;
 };
 
+// A CPU with room for so many points.
+class SmallBackend : public ForwardingBackend {
+ public:
+  explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
+  void upload(std::span<const Point> points, IndexOrder expected) override {
+    if (points.size() > room_) throw Error(ErrorKind::memory, "no room");
+    ++uploads;
+    ForwardingBackend::upload(points, expected);
+  }
+  int uploads = 0;
+
+ private:
+  std::size_t room_;
+};
+
 }  // namespace pointfair

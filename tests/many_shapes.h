@@ -26,7 +26,13 @@ struct Clouds {
       const float r = scale * float(1 + noise * random.normal());
       points.push_back({x + p.x * r, p.y * r, p.z * r});
     }
-    offsets.push_back(points.size());
+    end();
+  }
+  void end() { offsets.push_back(points.size()); }
+  void add_with_invalid(int count) {
+    add(count, 1, 0);
+    for (std::size_t i = 0; i < std::size_t(count); i += 7)
+      points[offsets.end()[-2] + i].y = i % 2 == 0 ? std::numeric_limits<float>::quiet_NaN() : 1e30f;
   }
   // Two sheets, as of a thin part.
   void add_sheets(int count, float gap, float noise) {
@@ -34,7 +40,7 @@ struct Clouds {
     for (int i = 0; i < count; ++i)
       points.push_back({float(random.uniform()), float(random.uniform()),
                         (i % 2 == 0 ? gap : 0.0f) + float(noise * random.normal())});
-    offsets.push_back(points.size());
+    end();
   }
   // Noisier from one side to the other.
   void add_slope(int count, float noise) {
@@ -43,7 +49,7 @@ struct Clouds {
       const float x = float(random.uniform()), y = float(random.uniform());
       points.push_back({x, y, float(0.1 * std::sin(6 * x) + noise * (0.3 + 2 * x) * random.normal())});
     }
-    offsets.push_back(points.size());
+    end();
   }
   std::span<const Point> cloud(std::size_t i) const {
     return std::span(points).subspan(offsets[i], offsets[i + 1] - offsets[i]);
@@ -59,12 +65,10 @@ inline Clouds mixed_clouds() {
     clouds.add(int(slow_tools::most_points(std::size_t(size))), size % 3 == 0 ? 0.3f : 1.0f,
                size % 2 == 0 ? 0.0f : 0.4f);
   for (int i = 0; i < 500; ++i) clouds.points.push_back({1, 2, 3});
-  clouds.offsets.push_back(clouds.points.size());
+  clouds.end();
   for (int i = 0; i < 500; ++i) clouds.points.push_back({float(i), 0, 0});
-  clouds.offsets.push_back(clouds.points.size());
-  clouds.add(900, 1, 0);
-  for (std::size_t i = 0; i < 900; i += 7)
-    clouds.points[clouds.points.size() - 900 + i].y = i % 2 == 0 ? std::numeric_limits<float>::quiet_NaN() : 1e30f;
+  clouds.end();
+  clouds.add_with_invalid(900);
   clouds.add(int(slow_tools::most_points(40000)), 1, 0);  // too large to be computed with the others
   clouds.add(700, 1, 0);
   return clouds;
@@ -83,15 +87,13 @@ inline Clouds clouds_with_estimates() {
   clouds.add_slope(1024, 0.01f);
   clouds.add_slope(3000, 0.02f);
   for (int i = 0; i < 300; ++i) clouds.points.push_back({1, 2, 3});
-  clouds.offsets.push_back(clouds.points.size());
+  clouds.end();
   for (int i = 0; i < 40; ++i) clouds.points.push_back({std::numeric_limits<float>::quiet_NaN(), 0, 0});
-  clouds.offsets.push_back(clouds.points.size());
+  clouds.end();
   for (int i = 0; i < 32 * 32; ++i)  // rounded to a grid
     clouds.points.push_back({float(i % 32), float(i / 32), float(i * 7 % 3)});
-  clouds.offsets.push_back(clouds.points.size());
-  clouds.add(900, 1, 0);
-  for (std::size_t i = 0; i < 900; i += 7)
-    clouds.points[clouds.points.size() - 900 + i].y = i % 2 == 0 ? std::numeric_limits<float>::quiet_NaN() : 1e30f;
+  clouds.end();
+  clouds.add_with_invalid(900);
   return clouds;
 }
 

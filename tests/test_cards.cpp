@@ -38,19 +38,6 @@ class CountingBackend : public ForwardingBackend {
   std::atomic<int>& runs_;
 };
 
-// A card with room for so many points.
-class SmallBackend : public ForwardingBackend {
- public:
-  explicit SmallBackend(std::size_t room) : ForwardingBackend(make_cpu_backend(0)), room_(room) {}
-  void upload(std::span<const Point> points, IndexOrder expected) override {
-    if (points.size() > room_) throw Error(ErrorKind::memory, "no room");
-    ForwardingBackend::upload(points, expected);
-  }
-
- private:
-  std::size_t room_;
-};
-
 // A card as it is: no run reads faces on it.
 class FacelessBackend : public ForwardingBackend {
  public:

@@ -25,10 +25,6 @@ CloudSample sample_of(const Points& points, std::size_t count, bool indexed = fa
   return backend->sampling().sample_cloud(count);
 }
 
-bool same_points(const Points& a, const Points& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
-}
-
 std::vector<Points> clouds() {
   Points copies = shapes::sphere(3000);
   for (std::size_t i = 0; i < 1500; ++i) copies[2 * i] = copies[0];
@@ -45,11 +41,11 @@ TEST(CloudSample, is_the_same_for_any_order_of_the_points_and_from_the_index) {
   for (const Points& points : clouds()) {
     const Points found = sample_of(points, 700).points;
     const Points shuffled = shapes::permuted(points, shapes::shuffle_order(points.size(), 5));
-    EXPECT_TRUE(same_points(found, sample_of(shuffled, 700).points));
-    EXPECT_TRUE(same_points(found, sample_of(points, 700, true).points));
+    EXPECT_TRUE(shapes::same_bits(found, sample_of(shuffled, 700).points));
+    EXPECT_TRUE(shapes::same_bits(found, sample_of(points, 700, true).points));
     const CloudSample more = sample_of(points, 1400);
     EXPECT_TRUE(more.points.size() < found.size() ||
-                same_points(found, {more.points.begin(), more.points.begin() + std::ptrdiff_t(found.size())}));
+                shapes::same_bits(found, {more.points.begin(), more.points.begin() + std::ptrdiff_t(found.size())}));
     for (std::size_t i = 0; i < more.points.size(); ++i)
       EXPECT_EQ(std::memcmp(&points[more.indices[i]], &more.points[i], sizeof(Point)), 0);
   }
@@ -85,8 +81,8 @@ TEST(CloudSample, of_a_cloud_moved_exactly_is_moved_with_it) {
   for (Point& p : points)
     p = {std::round(p.x * 4096) / 4096, std::round(p.y * 4096) / 4096, std::round(p.z * 4096) / 4096};
   const Point by{37.25f, -1024.5f, 3.0009765625f};
-  EXPECT_TRUE(same_points(shapes::shifted(sample_of(points, 900).points, by),
-                          sample_of(shapes::shifted(points, by), 900).points));
+  EXPECT_TRUE(shapes::same_bits(shapes::shifted(sample_of(points, 900).points, by),
+                                sample_of(shapes::shifted(points, by), 900).points));
 }
 
 // As by another file format: hardly any point changes its cell.
@@ -118,7 +114,7 @@ TEST(CloudSample, is_drawn_in_one_pass_over_a_stored_cloud) {
     const CloudSample found =
         draw_sample(expected.bounds, 900, [&](Candidates wanted) { return candidates.collect(wanted); });
     EXPECT_EQ(passes, 1);
-    EXPECT_TRUE(same_points(found.points, expected.points));
+    EXPECT_TRUE(shapes::same_bits(found.points, expected.points));
   }
 }
 

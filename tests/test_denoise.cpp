@@ -30,21 +30,6 @@ class Watched : public ForwardingBackend {
   std::function<void()> begin_;
 };
 
-// Has room for so many points.
-class Small : public ForwardingBackend {
- public:
-  explicit Small(std::size_t room) : ForwardingBackend(make_cpu_backend(2)), room_(room) {}
-  void upload(std::span<const Point> points, IndexOrder expected) override {
-    if (points.size() > room_) throw Error(ErrorKind::memory, "no room");
-    ++uploads;
-    ForwardingBackend::upload(points, expected);
-  }
-  int uploads = 0;
-
- private:
-  std::size_t room_;
-};
-
 FramedSettings list_stages() {
   FramedSettings stages;
   stages.neighbors.k = 8;
@@ -97,13 +82,13 @@ TEST(Denoise, a_tile_that_the_device_has_no_room_for_is_computed_in_halves) {
   const test::Folder folder;
   store_strips(folder / "input", 3);
   const StoredCloud input({folder / "input"}, 3);
-  const auto denoise = [&](Small& backend, const fs::path& path) {
+  const auto denoise = [&](SmallBackend& backend, const fs::path& path) {
     const auto tile = make_denoising({input, {1, 2}, list_stages(), 1 << 20}, path, {});
     tile->read();
     tile->compute(backend);
     tile->write();
   };
-  Small large(1 << 20), small(3000), tiny(500);
+  SmallBackend large(1 << 20), small(3000), tiny(500);
   denoise(large, folder / "whole");
   denoise(small, folder / "halves");
   EXPECT_EQ(large.uploads, 1);

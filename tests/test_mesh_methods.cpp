@@ -137,6 +137,16 @@ Sigmas measured(const Mesh& mesh) {
   return {radius / 2, median(deviations)};
 }
 
+void expect_near(const Result& result, const Mesh& mesh, const std::vector<Vec>& expected, double off) {
+  EXPECT_EQ(result.report.mesh.folded_after, 0u);
+  double farthest = 0;
+  for (std::size_t i = 0; i < expected.size(); ++i) {
+    ASSERT_LT(reference::length(reference::to_vec(result.points[i]) - expected[i]), off) << "point " << i;
+    farthest = std::max(farthest, reference::length(expected[i] - reference::to_vec(mesh.points[i])));
+  }
+  EXPECT_GT(farthest, 1e-3);
+}
+
 TEST(Fleishman, is_the_published_algorithm) {
   for (const Sides sides : {Sides::triangles, Sides::quads, Sides::mixed}) {
     const Mesh mesh = waves(16, sides);
@@ -144,15 +154,8 @@ TEST(Fleishman, is_the_published_algorithm) {
     params.closeness_sigma = 0.07;
     params.similarity_sigma = 0.01;
     const Result result = run(mesh, params);
-    EXPECT_EQ(result.report.mesh.folded_after, 0u);
     EXPECT_DOUBLE_EQ(result.report.params.radius.value, 0.14);
-    const std::vector<Vec> expected = published(mesh, {0.07, 0.01}, 3);
-    double farthest = 0;
-    for (std::size_t i = 0; i < expected.size(); ++i) {
-      ASSERT_LT(reference::length(reference::to_vec(result.points[i]) - expected[i]), 2e-6) << "point " << i;
-      farthest = std::max(farthest, reference::length(expected[i] - reference::to_vec(mesh.points[i])));
-    }
-    EXPECT_GT(farthest, 1e-3);
+    expect_near(result, mesh, published(mesh, {0.07, 0.01}, 3), 2e-6);
   }
 }
 
@@ -262,14 +265,7 @@ TEST(Jones, is_the_published_algorithm) {
     params.closeness_sigma = 0.1;
     params.similarity_sigma = 0.02;
     const Result result = run(mesh, params);
-    EXPECT_EQ(result.report.mesh.folded_after, 0u);
-    const std::vector<Vec> expected = predicted(mesh, 0.1, 0.02);
-    double farthest = 0;
-    for (std::size_t i = 0; i < expected.size(); ++i) {
-      ASSERT_LT(reference::length(reference::to_vec(result.points[i]) - expected[i]), 1e-6) << "point " << i;
-      farthest = std::max(farthest, reference::length(expected[i] - reference::to_vec(mesh.points[i])));
-    }
-    EXPECT_GT(farthest, 1e-3);
+    expect_near(result, mesh, predicted(mesh, 0.1, 0.02), 1e-6);
   }
 }
 

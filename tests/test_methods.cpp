@@ -173,9 +173,8 @@ TEST_P(Methods, leave_a_clean_plane_plane) {
 TEST_P(Methods, with_nothing_set_leave_clean_clouds_nearly_as_they_are) {
   for (const Points& points : {shapes::sphere(20000), shapes::waves(20000)}) {
     const Ran result(points, with(method()));
-    double moved = 0;
-    for (std::size_t i = 0; i < points.size(); ++i) moved += distance(result.points[i], points[i]);
-    EXPECT_LT(moved / double(points.size()), 0.05 * reference::spacing(shapes::sphere(2000)) / std::sqrt(10));
+    EXPECT_LT(shapes::mean_distance(result.points, points),
+              0.05 * reference::spacing(shapes::sphere(2000)) / std::sqrt(10));
   }
 }
 
@@ -193,8 +192,7 @@ TEST_P(Methods, move_points_without_a_normal_unless_they_need_one) {
   params.iterations = 1;
   const Points points = shapes::line(500);
   const Ran result(points, params);
-  double moved = 0;
-  for (std::size_t i = 0; i < points.size(); ++i) moved += distance(result.points[i], points[i]);
+  const double moved = shapes::mean_distance(result.points, points);
   const bool needs_normals = moves_along_normal(method()) || method() == Method::mollified;
   EXPECT_EQ(moved == 0, needs_normals);
   EXPECT_EQ(result.report.unmoved.no_normal, moves_along_normal(method()) ? points.size() : 0);

@@ -74,16 +74,10 @@ TEST(ViewerQuantise, NormalsComeBackWithinATenThousandth) {
   std::normal_distribution<float> gauss;
   for (int i = 0; i < 20000; ++i) {
     Point n{gauss(random), gauss(random), gauss(random)};
-    if (i < 6)
-      n = Point{i == 0   ? 1.f
-                : i == 1 ? -1.f
-                         : 0.f,
-                i == 2   ? 1.f
-                : i == 3 ? -1.f
-                         : 0.f,
-                i == 4   ? 1.f
-                : i == 5 ? -1.f
-                         : 0.f};
+    if (i < 6) {  // the axes, both ways
+      n = {0, 0, 0};
+      (&n.x)[i / 2] = i % 2 == 0 ? 1.f : -1.f;
+    }
     const float length = std::hypot(n.x, n.y, n.z);
     n = {n.x / length, n.y / length, n.z / length};
     const Point back = decode_normal(encode_normal(n));

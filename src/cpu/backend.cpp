@@ -124,13 +124,9 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
       for_copies(points.size(), [&](std::size_t first, std::size_t last) {
         std::copy(uploaded_.data() + first, uploaded_.data() + last, points.begin() + std::ptrdiff_t(first));
       });
-      return;
+    } else {
+      from_index(points);
     }
-    const IndexView index = first_.index().view();
-    for_copies(index.points, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) points[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
-    });
-    for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
   }
 
   Counts counts(int iteration) override {
@@ -148,9 +144,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   Exactness* exactness() override { return this; }
 
   CloudSample sample_cloud(std::size_t count) override {
-    const ForEach for_each = [this](std::size_t n, const std::function<void(std::size_t)>& body) {
-      for_each_on_host(n, body);
-    };
+    const ForEach for_each = on_host();
     if (!upload_is_indexed_) {
       const auto uploaded = [this](std::size_t i) { return std::pair(uploaded_[i], std::uint32_t(i)); };
       return sample_points(points_, uploaded, count, for_each);
@@ -216,11 +210,15 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     first_.swap_faired(uploaded_);
     make_room_for_upload();
     upload_is_indexed_ = false;
+    from_index({uploaded_.data(), std::size_t(points_)});
+  }
+  // In upload order.
+  void from_index(std::span<Point> points) {
     const IndexView index = first_.index().view();
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
-      for (std::size_t i = first; i < last; ++i) uploaded_[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
+      for (std::size_t i = first; i < last; ++i) points[index.original[i]] = {index.x[i], index.y[i], index.z[i]};
     });
-    for (const InvalidPoint& p : first_.index().invalid()) uploaded_[p.original] = p.position;
+    for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
   }
 
   void build_further_index(int iteration, const std::optional<Frame>& frame, const std::stop_token& stop) {
@@ -292,9 +290,8 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     }
     if (!any_new) return;
     const std::span<const Index> originals = first_.index().originals();
-    for_blocks(first_.index().view().points, kCopyBlock, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t i = first; i < last; ++i)
-        if (is_wanted[originals[i]]) located_.find(originals[i])->second = Index(i);
+    for_items(first_.index().view().points, kCopyBlock, {}, [&](std::size_t i) {
+      if (is_wanted[originals[i]]) located_.find(originals[i])->second = Index(i);
     });
   }
 

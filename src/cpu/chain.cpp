@@ -139,23 +139,21 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
   };
   const VectorsOut out = three_arrays(normals_);
   std::atomic<std::uint64_t> too_few = 0, no_normal = 0;
-  for_blocks(normals_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i) {
-      if (i >= index.points) {
-        out.x[i] = out.y[i] = out.z[i] = 0;
-        continue;
-      }
-      const auto around = faces.around(neighbors_.mesh->vertex[index.original[i]]);
-      Vec sum{};
-      for (const std::uint32_t face : around) sum = sum + normal_of(face);
-      const double length = std::sqrt(point::squared_length(sum));
-      const Vec unit = length > 0 ? (1 / length) * sum : Vec{};
-      out.x[i] = float(unit.x), out.y[i] = float(unit.y), out.z[i] = float(unit.z);
-      if (around.empty()) {
-        ++too_few;
-      } else if (!(length > 0)) {
-        ++no_normal;
-      }
+  for_items(normals_.size(), kLeavesABlock * kLeafSize, stop, [&](std::size_t i) {
+    if (i >= index.points) {
+      out.x[i] = out.y[i] = out.z[i] = 0;
+      return;
+    }
+    const auto around = faces.around(neighbors_.mesh->vertex[index.original[i]]);
+    Vec sum{};
+    for (const std::uint32_t face : around) sum = sum + normal_of(face);
+    const double length = std::sqrt(point::squared_length(sum));
+    const Vec unit = length > 0 ? (1 / length) * sum : Vec{};
+    out.x[i] = float(unit.x), out.y[i] = float(unit.y), out.z[i] = float(unit.z);
+    if (around.empty()) {
+      ++too_few;
+    } else if (!(length > 0)) {
+      ++no_normal;
     }
   });
   counts_.unmoved.too_few_neighbors = too_few;
@@ -247,14 +245,12 @@ void Chain::fair_otherwise(const FairingSettings& settings, AreaView area, const
   for (Buffer<float>* axis : {&displaced_x_, &displaced_y_, &displaced_z_})
     axis->resize(std::size_t(index.leaves) * kLeafSize);
   const VectorsOut displacements{displaced_x_.data(), displaced_y_.data(), displaced_z_.data()};
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.displacements(index, Index(leaf), neighborhoods(), normals(), area, rule, displacements);
+  for_items(index.leaves, kLeavesABlock, stop, [&](std::size_t leaf) {
+    kernels.displacements(index, Index(leaf), neighborhoods(), normals(), area, rule, displacements);
   });
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.move(index, Index(leaf), neighborhoods(), {displaced_x_.data(), displaced_y_.data(), displaced_z_.data()},
-                   area, rule, sensors, &faired_[leaf * kLeafSize].x);
+  for_items(index.leaves, kLeavesABlock, stop, [&](std::size_t leaf) {
+    kernels.move(index, Index(leaf), neighborhoods(), {displaced_x_.data(), displaced_y_.data(), displaced_z_.data()},
+                 area, rule, sensors, &faired_[leaf * kLeafSize].x);
   });
   for (Buffer<float>* axis : {&displaced_x_, &displaced_y_, &displaced_z_}) axis->release();
 }

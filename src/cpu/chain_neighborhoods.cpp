@@ -133,9 +133,8 @@ void Chain::measure_levels(const Kernels& kernels, const std::stop_token& stop) 
   const IndexView index = index_.view();
   const point::NodeField field = field_of(neighbors_.levels.get());
   squared_level_.resize(std::size_t(index.leaves) * kLeafSize);
-  for_blocks(index.leaves, kLeavesABlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t leaf = first; leaf < last; ++leaf)
-      kernels.squared_levels(index, Index(leaf), field, squared_level_.data() + leaf * kLeafSize);
+  for_items(index.leaves, kLeavesABlock, stop, [&](std::size_t leaf) {
+    kernels.squared_levels(index, Index(leaf), field, squared_level_.data() + leaf * kLeafSize);
   });
 }
 

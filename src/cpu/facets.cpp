@@ -114,9 +114,7 @@ class Facets {
 
   template <class Body>
   void for_facets(const Body& body) {
-    for_blocks(facets_.size(), kBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t f = first; f < last; ++f) body(f);
-    });
+    for_items(facets_.size(), kBlock, stop_, [&](std::size_t f) { body(f); });
   }
   template <class Body>
   void for_points(const Body& body) const {

@@ -156,26 +156,23 @@ void SpatialIndex::gather(std::span<const Point> points, std::span<const Index> 
   const std::size_t padded = std::size_t(leaves_) * kLeafSize;
   for (Buffer<float>* axis : {&x_, &y_, &z_}) axis->resize(padded);
   original_.resize(padded);
-  for_blocks(padded, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i) {
-      if (i + kPrefetchedAhead < points_)
-        __builtin_prefetch(&points[std::uint32_t(space.elements[i + kPrefetchedAhead])]);
-      const bool real = i < points_;
-      const std::size_t from = real ? std::uint32_t(space.elements[i]) : 0;
-      const Point p = real ? points[from] : Point{kNan, kNan, kNan};
-      x_[i] = p.x;
-      y_[i] = p.y;
-      z_[i] = p.z;
-      original_[i] = !real ? point::kNoNeighbor : originals.empty() ? Index(from) : originals[from];
-    }
+  for_items(padded, kBlock, stop, [&](std::size_t i) {
+    if (i + kPrefetchedAhead < points_)
+      __builtin_prefetch(&points[std::uint32_t(space.elements[i + kPrefetchedAhead])]);
+    const bool real = i < points_;
+    const std::size_t from = real ? std::uint32_t(space.elements[i]) : 0;
+    const Point p = real ? points[from] : Point{kNan, kNan, kNan};
+    x_[i] = p.x;
+    y_[i] = p.y;
+    z_[i] = p.z;
+    original_[i] = !real ? point::kNoNeighbor : originals.empty() ? Index(from) : originals[from];
   });
 }
 
 void SpatialIndex::hash_positions(point::Vec3<float> corner, const std::stop_token& stop) {
   share_.resize(x_.size());
-  for_blocks(points_, kBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i)
-      share_[i] = point::share_of_hash(point::position_hash({x_[i], y_[i], z_[i]}, corner));
+  for_items(points_, kBlock, stop, [&](std::size_t i) {
+    share_[i] = point::share_of_hash(point::position_hash({x_[i], y_[i], z_[i]}, corner));
   });
   std::fill(share_.data() + points_, share_.data() + share_.size(), 1.0f);  // the padding
 }

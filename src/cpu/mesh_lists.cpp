@@ -60,9 +60,7 @@ class SortedEdges {
 
   template <class Body>
   static void for_all(const IndexView& index, const std::stop_token& stop, const Body& body) {
-    for_blocks(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t at = first; at < last; ++at) body(Index(at));
-    });
+    for_items(index.points, kLeavesABlock * kLeafSize, stop, [&](std::size_t at) { body(Index(at)); });
   }
   static std::span<const std::uint32_t> neighbors_of(const IndexView& index, const MeshEdges& mesh, Index at) {
     return mesh.neighbors_of(mesh.vertex[index.original[at]]);

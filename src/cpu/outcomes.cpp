@@ -113,10 +113,9 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   const auto least_of = [&](const Neighborhoods& neighborhoods, const std::vector<float>& values) {
     std::vector<float> least(places, 1.0f);
     const float deepest = depths.deepest_zero(values);
-    for_blocks(index.leaves, kLeavesAtOnce, {}, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t leaf = first; leaf < last; ++leaf)
-        if (!depths.ends_deeper(leaf, deepest))
-          kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());
+    for_items(index.leaves, kLeavesAtOnce, {}, [&](std::size_t leaf) {
+      if (!depths.ends_deeper(leaf, deepest))
+        kernels.survey(index, Index(leaf), neighborhoods, values.data(), counts.data(), least.data());
     });
     return least;
   };

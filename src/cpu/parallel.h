@@ -27,4 +27,12 @@ void for_blocks(std::size_t items, std::size_t block_size, const std::stop_token
   });
 }
 
+// Calls body(item) for each, a block's one after the other.
+template <class Body>
+void for_items(std::size_t items, std::size_t block_size, const std::stop_token& stop, const Body& body) {
+  for_blocks(items, block_size, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i) body(i);
+  });
+}
+
 }  // namespace pointfair::cpu

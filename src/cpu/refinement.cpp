@@ -45,15 +45,12 @@ class Net {
     if (cloud.points <= net::kNeighbors) return;
     find_neighbors();
     run_layers();
-    for_blocks(cloud.points, kPointsABlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t i = first; i < last; ++i) {
-        const Index at = cloud.original[i];
-        const net::Place& here = places_[i];
-        if (!net::can_move(here) || classical_.held[at] != 0) continue;
-        const point::Vec3<float> moved =
-            point::Vec3<float>{cloud.x[i], cloud.y[i], cloud.z[i]} + here.noise * steps_[i];
-        if (point::is_indexable(moved)) out[at] = {moved.x, moved.y, moved.z};
-      }
+    for_items(cloud.points, kPointsABlock, stop_, [&](std::size_t i) {
+      const Index at = cloud.original[i];
+      const net::Place& here = places_[i];
+      if (!net::can_move(here) || classical_.held[at] != 0) return;
+      const point::Vec3<float> moved = point::Vec3<float>{cloud.x[i], cloud.y[i], cloud.z[i]} + here.noise * steps_[i];
+      if (point::is_indexable(moved)) out[at] = {moved.x, moved.y, moved.z};
     });
   }
 
@@ -68,9 +65,7 @@ class Net {
       }
       lists_[s].resize(room);
       lists_of_[s] = lists_[s].data();
-      for_blocks(cloud.leaves, kLeavesABlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
-        for (std::size_t leaf = first; leaf < last; ++leaf) find_neighbors_of(Index(leaf), s);
-      });
+      for_items(cloud.leaves, kLeavesABlock, stop_, [&](std::size_t leaf) { find_neighbors_of(Index(leaf), s); });
     }
   }
 

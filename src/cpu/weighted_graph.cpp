@@ -112,9 +112,8 @@ void merge_row(std::span<WeightedGraph::Entry> row, Index& count) {
 }
 
 void merge_rows(WeightedGraph& graph, const std::stop_token& stop) {
-  for_blocks(graph.points(), kSumBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i)
-      merge_row({graph.entries.data() + graph.begin[i], graph.count[i]}, graph.count[i]);
+  for_items(graph.points(), kSumBlock, stop, [&](std::size_t i) {
+    merge_row({graph.entries.data() + graph.begin[i], graph.count[i]}, graph.count[i]);
   });
 }
 
@@ -133,20 +132,17 @@ double mean_length(const WeightedGraph& graph, const IndexView& index, const std
 // Weights by length, and the masses that go with them. `graph` has numbers of edges for weights.
 void weigh(WeightedGraph& graph, const IndexView& index, const point::EdgeRule& rule, const std::stop_token& stop) {
   graph.mass.resize(graph.points());
-  for_blocks(graph.points(), kSumBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i)
-      graph.mass[i] = point::weigh_row(graph.entries.data() + graph.begin[i], graph.count[i], place(index, i), rule,
-                                       [&](Index there) { return place(index, there); });
+  for_items(graph.points(), kSumBlock, stop, [&](std::size_t i) {
+    graph.mass[i] = point::weigh_row(graph.entries.data() + graph.begin[i], graph.count[i], place(index, i), rule,
+                                     [&](Index there) { return place(index, there); });
   });
 }
 
 void sum_rows(WeightedGraph& graph, const std::stop_token& stop) {
   graph.weight_sum.resize(graph.points());
-  for_blocks(graph.points(), kSumBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i) {
-      graph.weight_sum[i] = point::sum_of_row(graph.row(i).data(), graph.count[i]);
-      if (graph.count[i] < Index(point::kLeastNeighbors)) graph.mass[i] = 0;
-    }
+  for_items(graph.points(), kSumBlock, stop, [&](std::size_t i) {
+    graph.weight_sum[i] = point::sum_of_row(graph.row(i).data(), graph.count[i]);
+    if (graph.count[i] < Index(point::kLeastNeighbors)) graph.mass[i] = 0;
   });
 }
 

@@ -138,7 +138,6 @@ class CudaBackend final : public Backend,
   void let_wait(DeviceStream stream);
   // Starts to read the caller's points; the event `callers_turn_` comes after the last read.
   void take(const DevicePoints& points, const Origin& origin, IndexOrder expected);
-  void upload_ends(std::span<const Index> ends);
   // The first index of many clouds.
   void build_batch_index(std::span<const Index> ends);
   void begin_upload(std::span<const Point> points, IndexOrder expected, bool timed);

@@ -8,10 +8,7 @@ namespace pointfair::cuda {
 void CudaBackend::upload(std::span<const Point> points, std::span<const Index> ends) {
   context_.enter();
   forget_cloud(points.size());
-  if (!points.empty())
-    check(cudaMemcpyAsync(uploaded_.data(), points.data(), points.size_bytes(), cudaMemcpyHostToDevice,
-                          context_.stream()),
-          "uploading clouds");
+  uploaded_.upload(points, "uploading clouds");
   build_batch_index(ends);
 }
 
@@ -29,7 +26,7 @@ std::vector<std::uint8_t> CudaBackend::surely_have_no_origin(const DevicePoints&
   context_.enter();
   require_on_card(points.data, points.count, points.type, points.card, card_);
   let_wait(stream);
-  upload_ends(ends);
+  ends_.upload(ends, "uploading clouds");
   return cuda::surely_have_no_origin(context_, points, ends_.data(), ends.size());
 }
 
@@ -52,8 +49,7 @@ void CudaBackend::run(std::span<const Index> clouds, std::span<const FramedSetti
   common.neighbors.reach_levels.reset();
   for (const FramedSettings& its : settings)
     common.neighbors.min_neighbors = std::max(common.neighbors.min_neighbors, its.neighbors.min_neighbors);
-  batch_ = batch_storage_.plan(clouds_, clouds, settings, uploaded_.size(),
-                               [this](std::size_t count, const auto& body) { for_each_on_host(count, body); });
+  batch_ = batch_storage_.plan(clouds_, clouds, settings, uploaded_.size(), on_host());
   for (int iteration = 0; iteration < iterations; ++iteration) {
     if (iteration == 0) {
       first_.build_index(uploaded_.data(), *batch_, stop);
@@ -88,13 +84,6 @@ void CudaBackend::download(const DeviceOutput& points, DeviceStream stream) {
   let_wait(stream);
   callers_.give(uploaded_.data(), limited_.size() > 0 ? limited_.data() : uploaded_.data(), points);
   deliver();
-}
-
-void CudaBackend::upload_ends(std::span<const Index> ends) {
-  ends_.resize(ends.size());
-  if (ends.empty()) return;
-  check(cudaMemcpyAsync(ends_.data(), ends.data(), ends.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
-        "uploading clouds");
 }
 
 void CudaBackend::build_batch_index(std::span<const Index> ends) {

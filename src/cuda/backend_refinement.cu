@@ -17,13 +17,6 @@ __global__ void __launch_bounds__(kBlock)
   noise[i] = point::is_indexable(p) ? sigma * point::node_value(levels, {p.x, p.y, p.z}) : __int_as_float(0x7fffffff);
 }
 
-template <class T>
-void copy_to_card(Context& context, std::span<const T> from, DeviceArray<T>& to) {
-  to.resize(from.size());
-  check(cudaMemcpyAsync(to.data(), from.data(), from.size_bytes(), cudaMemcpyHostToDevice, context.stream()),
-        "uploading a cloud");
-}
-
 }  // namespace
 
 // Into `refined`. Holds back twice: as any result, so that the net sees what stays, and the whole way at last.
@@ -42,9 +35,8 @@ void CudaBackend::refine(Chain& from, const DisplacementLimits& limits, std::spa
     normals.resize(count);
     noise.resize(count);
     from.restore_normals(normals.data());
-    tell_noise<<<blocks_for(count, kBlock), kBlock, 0, context_.stream()>>>(uploaded_.data(), count, by.sigma,
-                                                                            from.noise_field(by.levels), noise.data());
-    check(cudaGetLastError(), "telling the noise");
+    launch(context_, "telling the noise", tell_noise, blocks_for(count, kBlock), kBlock, uploaded_.data(), count,
+           by.sigma, from.noise_field(by.levels), noise.data());
     refiner.take({uploaded_.data(), refined.data(), normals.data(), noise.data(), count}, by.frame);
   }
   refiner.run(by.weights, held.data(), refined.data(), stop);
@@ -89,11 +81,11 @@ void CudaBackend::refine(const Classical& classical, const NetWeights& weights, 
   DeviceArray<Point> measured(context_), points(context_), normals(context_);
   DeviceArray<float> noise(context_);
   DeviceArray<std::uint8_t> held(context_);
-  copy_to_card(context_, classical.measured, measured);
-  copy_to_card(context_, classical.points, points);
-  copy_to_card(context_, classical.normals, normals);
-  copy_to_card(context_, classical.noise, noise);
-  copy_to_card(context_, classical.held, held);
+  measured.upload(classical.measured, "uploading a cloud");
+  points.upload(classical.points, "uploading a cloud");
+  normals.upload(classical.normals, "uploading a cloud");
+  noise.upload(classical.noise, "uploading a cloud");
+  held.upload(classical.held, "uploading a cloud");
   Refiner refiner(context_);
   refiner.take({measured.data(), points.data(), normals.data(), noise.data(), points.size()}, frame);
   refiner.run(weights, held.data(), points.data(), stop);

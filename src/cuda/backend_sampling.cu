@@ -18,10 +18,8 @@ void CudaBackend::sample_neighborhoods(std::span<const std::uint32_t> queries, i
   context_.enter();
   DeviceArray<Index> asked(context_);
   DeviceArray<Point> rows(context_);
-  asked.resize(queries.size());
   rows.resize(out.size());
-  check(cudaMemcpyAsync(asked.data(), queries.data(), queries.size_bytes(), cudaMemcpyHostToDevice, context_.stream()),
-        "uploading queries");
+  asked.upload(queries, "uploading queries");
   first_.sample_neighborhoods({asked.data(), queries.size(), k, rows.data()});
   leaving_.copy(rows.data(), out);
   wait();
@@ -63,8 +61,7 @@ void CudaBackend::outcomes(const point::Region& loaded, std::span<unsigned char>
   DeviceArray<unsigned char> found(context_);
   found.resize(out.size());
   first_.find_outcomes(loaded, found.data());
-  check(cudaMemcpyAsync(out.data(), found.data(), out.size(), cudaMemcpyDeviceToHost, context_.stream()),
-        "downloading outcomes");
+  found.download(out, "downloading outcomes");
   deliver();
 }
 

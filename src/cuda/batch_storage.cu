@@ -41,17 +41,9 @@ CloudBatch batch_of(const std::vector<CloudSpan>& spans, std::size_t uploaded) {
 
 }  // namespace
 
-void BatchStorage::upload(const std::vector<CloudSpan>& spans) {
-  spans_.resize(spans.size());
-  if (spans.empty()) return;
-  check(cudaMemcpyAsync(spans_.data(), spans.data(), spans.size() * sizeof(CloudSpan), cudaMemcpyHostToDevice,
-                        context_.stream()),
-        "uploading clouds");
-}
-
 CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::size_t uploaded) {
   const std::vector<CloudSpan> spans(clouds.begin(), clouds.end());
-  upload(spans);
+  spans_.upload(spans, "uploading clouds");
   CloudBatch batch = batch_of(spans, uploaded);
   batch.spans = spans_.data();
   return batch;
@@ -66,7 +58,7 @@ CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const
     spans.push_back({clouds[cloud].first, clouds[cloud].end, place});
     place += clouds[cloud].end - clouds[cloud].first;
   }
-  upload(spans);
+  spans_.upload(spans, "uploading clouds");
   std::vector<std::size_t> begins{0};  // of each cloud's nodes
   for (std::size_t n = 0; n < which.size(); ++n) {
     const NeighborSettings& its = settings[n].neighbors;
@@ -83,13 +75,8 @@ CloudBatch BatchStorage::plan(std::span<const CloudSpan> clouds, std::span<const
     append(settings[n].neighbors.levels.get());
     append(settings[n].neighbors.reach_levels.get());
   });
-  settings_.resize(of_clouds.size());
-  check(cudaMemcpyAsync(settings_.data(), of_clouds.data(), of_clouds.size() * sizeof(CloudSettings),
-                        cudaMemcpyHostToDevice, context_.stream()),
-        "uploading settings");
-  check(cudaMemcpyAsync(nodes_.data(), pinned_nodes_.get(), begins.back() * sizeof(float), cudaMemcpyHostToDevice,
-                        context_.stream()),
-        "uploading levels");
+  settings_.upload(of_clouds, "uploading settings");
+  nodes_.upload({pinned_nodes_.get(), begins.back()}, "uploading levels");
   CloudBatch batch = batch_of(spans, uploaded);
   batch.spans = spans_.data();
   batch.settings = settings_.data();

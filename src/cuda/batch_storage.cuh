@@ -15,7 +15,7 @@ namespace pointfair::cuda {
 
 class BatchStorage {
  public:
-  explicit BatchStorage(Context& context) : context_(context), spans_(context), settings_(context), nodes_(context) {}
+  explicit BatchStorage(Context& context) : spans_(context), settings_(context), nodes_(context) {}
 
   // A batch of all clouds, with the same settings for all. Each call replaces the batch before.
   CloudBatch plan(std::span<const CloudSpan> clouds, std::size_t uploaded);
@@ -25,9 +25,6 @@ class BatchStorage {
                   std::span<const FramedSettings> settings, std::size_t uploaded, const ForEach& for_each);
 
  private:
-  void upload(const std::vector<CloudSpan>& spans);
-
-  Context& context_;
   DeviceArray<CloudSpan> spans_;
   DeviceArray<CloudSettings> settings_;
   DeviceArray<float> nodes_;  // of all levels of noise

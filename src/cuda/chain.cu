@@ -90,10 +90,7 @@ point::Sensors Chain::sensors(const std::shared_ptr<const SensorPlaces>& places)
   if (sensors.each == nullptr) return sensors;
   if (places != sensors_) {
     sensors_.reset();  // if memory is short
-    places_.resize(places->places.size());
-    check(cudaMemcpyAsync(places_.data(), places->places.data(), places->places.size() * sizeof(Point),
-                          cudaMemcpyHostToDevice, context_.stream()),
-          "uploading the places of sensors");
+    places_.upload(places->places, "uploading the places of sensors");
     sensors_ = places;
   }
   sensors.each = &places_.data()->x;
@@ -211,18 +208,13 @@ void Chain::fair(const FairingSettings& settings, std::stop_token stop) {
 void Chain::keep_boundary(const FairingSettings& settings) {
   if (!settings.kept_boundary) return;
   held_.resize(1);
-  check(cudaMemsetAsync(held_.data(), 0, sizeof(unsigned long long), context_.stream()), "keeping the boundary");
+  held_.clear("keeping the boundary");
   cuda::keep_boundary(context_, index_.tree(), mesh_.of(settings.kept_boundary), normals(), faired_.data(),
                       held_.data());
 }
 
 std::uint64_t Chain::held_of_boundary() {
-  if (held_.size() == 0) return 0;
-  unsigned long long held = 0;
-  check(cudaMemcpyAsync(&held, held_.data(), sizeof(held), cudaMemcpyDeviceToHost, context_.stream()),
-        "reading counts");
-  context_.finish();
-  return held;
+  return held_.size() == 0 ? 0 : held_.first("reading counts");
 }
 
 // Normals, too. In spatial order a part's points go to places near each other, so nothing is staged.

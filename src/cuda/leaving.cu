@@ -20,13 +20,11 @@ void Leaving::hold_back(const DeviceArray<Point>& uploaded, Chain& from, const D
     marks = own_marks.data();
   }
   total.resize(1);
-  check(cudaMemsetAsync(total.data(), 0, sizeof(OutlierTotals), context_.stream()), "clearing a count");
+  total.clear("clearing a count");
   const DisplacementLimits its = limits.or_endless();
   cuda::hold_back(context_, {uploaded.data(), from.faired().data(), uploaded.size(), its, from.noise_field(its.levels)},
                   out.data(), marks, total.data());
-  check(
-      cudaMemcpyAsync(held_back_.get(), total.data(), sizeof(OutlierTotals), cudaMemcpyDeviceToHost, context_.stream()),
-      "reading a count");
+  total.download({held_back_.get(), 1}, "reading a count");
   if (!marked.empty())
     check(cudaMemcpyAsync(marked.data(), marks, marked.size(), cudaMemcpyDeviceToHost, context_.stream()),
           "downloading outliers");

@@ -11,17 +11,14 @@ namespace pointfair::cuda {
 
 class NodeLevelsOnCard {
  public:
-  explicit NodeLevelsOnCard(Context& context) : context_(context), nodes_(context) {}
+  explicit NodeLevelsOnCard(Context& context) : nodes_(context) {}
 
   // Uploads the nodes unless they are those of the call before; null: 1 everywhere.
   point::NodeField of(const std::shared_ptr<const NodeLevels>& levels) {
     if (!levels) return {};
     if (levels != levels_) {
       levels_.reset();  // if memory is short
-      nodes_.resize(levels->levels.size());
-      check(cudaMemcpyAsync(nodes_.data(), levels->levels.data(), levels->levels.size() * sizeof(float),
-                            cudaMemcpyHostToDevice, context_.stream()),
-            "uploading levels");
+      nodes_.upload(levels->levels, "uploading levels");
       levels_ = levels;
     }
     point::NodeField field = field_of(levels.get());
@@ -30,7 +27,6 @@ class NodeLevelsOnCard {
   }
 
  private:
-  Context& context_;
   std::shared_ptr<const NodeLevels> levels_;  // whose nodes are in
   DeviceArray<float> nodes_;
 };

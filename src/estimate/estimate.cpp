@@ -291,9 +291,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     from.sample_neighborhoods(for_noise.first(count), neighbors, rows);
     return rows;
   });
-  const ForEach for_each = [&from](std::size_t count, const std::function<void(std::size_t)>& body) {
-    from.for_each_on_host(count, body);
-  };
+  const ForEach for_each = from.on_host();
   Spacing spacing;
   Repeats found;
   StepsInHeads in_heads;

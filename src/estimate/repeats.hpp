@@ -14,7 +14,7 @@ struct Repeats {
 };
 
 // Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where
-// it is far smaller before some k, as many lie together. Of rows that are off from each other (row_offsets.hpp), the
+// it is far smaller before some k, as many lie together. Of rows that are off from each other, the
 // most. Asks for rows of eight, and for longer ones where these are uneven or along lines.
 Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each);
 

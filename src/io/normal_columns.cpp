@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 
+#include "io/box_of.hpp"
 #include "io/column_names.hpp"
 #include "io/source.hpp"
 #include "io/text.hpp"
@@ -89,17 +90,10 @@ class Holder {
 class Outward {
  public:
   explicit Outward(const Cloud& cloud) {
-    std::array<float, 3> low, high;
-    low.fill(INFINITY);
-    high.fill(-INFINITY);
-    for (const Point& p : cloud.points) {
-      const std::array<float, 3> position{p.x, p.y, p.z};
-      if (!std::isfinite(p.x + p.y + p.z)) continue;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        low[axis] = std::min(low[axis], position[axis]);
-        high[axis] = std::max(high[axis], position[axis]);
-      }
-    }
+    io::BoxOf<float> box;
+    for (const Point& p : cloud.points)
+      if (std::isfinite(p.x + p.y + p.z)) box.add({p.x, p.y, p.z});
+    const auto& [low, high] = box;
     constexpr float kFlat = 0.25F;
     flat_ = high[2] - low[2] < kFlat * std::max(high[0] - low[0], high[1] - low[1]);
     for (std::size_t axis = 0; axis < 3; ++axis) middle_[axis] = low[axis] + (high[axis] - low[axis]) / 2;

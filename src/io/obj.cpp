@@ -162,31 +162,23 @@ void write_obj(Table table, const Writing&, Output& out) {
   const auto normals = normal_columns(table);
   const bool textured = !table.faces.texture.empty();
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
-    buffer += 'v';
-    for (const double value : table.positions[i]) {
-      buffer += ' ';
-      append_as(buffer, value, native(table.coordinate_type));
-    }
+    buffer += "v ";
+    append_position(buffer, table, i, ' ');
     for (std::size_t c = 0; colors.has(i) && c < 3; ++c) {
-      buffer += ' ';
       append_number(buffer, static_cast<float>(colors.values[i][c]) / 255.0F);
+      buffer += ' ';
     }
-    buffer += '\n';
+    buffer.back() = '\n';
   });
   write_rows(out, table.faces.texture.size() / 2, [&](std::size_t i, std::string& buffer) {
-    buffer += "vt ";
-    append_number(buffer, table.faces.texture[2 * i]);
-    buffer += ' ';
-    append_number(buffer, table.faces.texture[2 * i + 1]);
+    append_number(buffer += "vt ", table.faces.texture[2 * i]);
+    append_number(buffer += ' ', table.faces.texture[2 * i + 1]);
     buffer += '\n';
   });
   write_rows(out, normals.empty() ? 0 : table.size(), [&](std::size_t i, std::string& buffer) {
-    buffer += "vn";
-    for (const TableColumn* column : normals) {
-      buffer += ' ';
-      append_scalar(buffer, column->data.data() + i * column_bytes(*column), column->type);
-    }
-    buffer += '\n';
+    buffer += "vn ";
+    for (const TableColumn* column : normals) append_value(buffer, *column, i, ' ');
+    buffer.back() = '\n';
   });
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
     buffer += 'f';

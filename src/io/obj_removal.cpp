@@ -29,29 +29,23 @@ struct ObjRemoval::Lines {
   // `words`: the corners in the line. A list has points that do not depend on each other.
   void append_corners(std::string_view line, std::string_view words, bool is_list) {
     const std::size_t begin = to.size();
-    const char* copied = line.data();
-    const auto copy_up_to = [&](const char* end) {
-      to.append(copied, end);
-      copied = end;
-    };
+    PatchedText patched(line, to);
     std::size_t corners_seen = 0, left = 0;
     Corners corners(words, so_far, removal.left_before_.size() - 1);
     for (Corner corner; corners.next(corner); ++corners_seen) {
-      copy_up_to(corner.point_text.data());
-      copied += corner.point_text.size();
       if (!removal.is_removed(static_cast<std::uint64_t>(corner.point))) {
         ++left;
-        to += number(corner.point, corner.point_text, so_far.points);
+        patched.replace(corner.point_text, number(corner.point, corner.point_text, so_far.points));
         if (!removal.own_normals_ || corner.normal < 0) continue;
-        copy_up_to(corner.normal_text.data());
-        copied += corner.normal_text.size();
-        to += number(corner.normal, corner.normal_text, so_far.normals);
-      } else if (!is_list) {
+        patched.replace(corner.normal_text, number(corner.normal, corner.normal_text, so_far.normals));
+      } else if (is_list) {
+        patched.replace(corner.point_text, {});
+      } else {
         return to.resize(begin);
       }
     }
     if (left == 0 && corners_seen > 0) return to.resize(begin);
-    to.append(copied, line.data() + line.size());
+    patched.finish();
   }
 
   // `line` with its end.

@@ -182,8 +182,7 @@ class OffSource : public TextSource {
     }
     if (!sound) {
       const char* const at = first.empty() ? bytes().data() + bytes().size() : first.data();
-      fail(name(), "line " + std::to_string(line_number(bytes(), at)) +
-                       ": a face needs a count and so many points of the file; repair the line");
+      fail_at(at, "a face needs a count and so many points of the file; repair the line");
     }
   }
 
@@ -294,14 +293,8 @@ void write_off(Table table, const Writing&, Output& out) {
   out.write(std::string(colored ? "C" : "") + (normals.empty() ? "OFF\n" : "NOFF\n") + std::to_string(table.size()) +
             " " + std::to_string(table.faces.ends.size()) + " 0\n");
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
-    for (const double value : table.positions[i]) {
-      append_as(buffer, value, native(table.coordinate_type));
-      buffer += ' ';
-    }
-    for (const TableColumn* column : normals) {
-      append_scalar(buffer, column->data.data() + i * column_bytes(*column), column->type);
-      buffer += ' ';
-    }
+    append_position(buffer, table, i, ' ');
+    for (const TableColumn* column : normals) append_value(buffer, *column, i, ' ');
     if (colored) {
       for (const std::uint8_t channel : colors.values[i]) buffer += std::to_string(channel) + ' ';
       buffer += "255 ";

@@ -5,7 +5,6 @@
 #include <array>
 #include <bit>
 #include <cmath>
-#include <limits>
 #include <optional>
 #include <utility>
 
@@ -39,13 +38,10 @@ constexpr double kLarge = 4;
 // may have. Where more than a twentieth of the values lie in the lowest quarter of their range and in the highest, the
 // bulk reaches from one to the other.
 bool is_surely_small(const std::vector<Position>& sample) {
-  constexpr double kInfinity = std::numeric_limits<double>::infinity();
-  Position least{kInfinity, kInfinity, kInfinity}, most{-kInfinity, -kInfinity, -kInfinity}, low, high;
-  for (const Position& p : sample)
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      least[axis] = std::min(least[axis], p[axis]);
-      most[axis] = std::max(most[axis], p[axis]);
-    }
+  BoxOf<double> box;
+  for (const Position& p : sample) box.add(p);
+  const auto& [least, most] = box;
+  Position low, high;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     const double quarter = (most[axis] - least[axis]) / 4;
     low[axis] = least[axis] + quarter;
@@ -76,41 +72,31 @@ void OriginSample::offer(const Position& p) {
     hash ^= hash >> 33;
   }
   if (hash * 0xc4ceb9fe1a85ec53u <= limit_) chosen_.push_back(p);
-  if (std::isfinite(p[0] + p[1] + p[2])) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      least_[axis] = std::min(least_[axis], p[axis]);
-      most_[axis] = std::max(most_[axis], p[axis]);
-    }
-  }
+  if (std::isfinite(p[0] + p[1] + p[2])) box_.add(p);
 }
 
 void OriginSample::offer_all(const OriginSample& other) {
   chosen_.insert(chosen_.end(), other.chosen_.begin(), other.chosen_.end());
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    least_[axis] = std::min(least_[axis], other.least_[axis]);
-    most_[axis] = std::max(most_[axis], other.most_[axis]);
-  }
+  box_.add(other.box_);
 }
 
 std::vector<Position> OriginSample::state() const {
   std::vector<Position> all = chosen_;
-  all.push_back(least_);
-  all.push_back(most_);
+  all.insert(all.end(), {box_.min, box_.max});
   return all;
 }
 
 void OriginSample::offer_state(const std::vector<Position>& state) {
   OriginSample other(0);
   other.chosen_.assign(state.begin(), state.end() - 2);
-  other.least_ = state[state.size() - 2];
-  other.most_ = state.back();
+  other.box_.add(state[state.size() - 2], state.back());
   offer_all(other);
 }
 
 // Many points at few places may all have a hash beyond the limit; then the corners of their box.
 std::vector<Position> OriginSample::take() && {
   constexpr std::size_t kFew = 64;
-  if (chosen_.size() < kFew && limit_ != ~std::uint64_t{0}) return {least_, most_};
+  if (chosen_.size() < kFew && limit_ != ~std::uint64_t{0}) return {box_.min, box_.max};
   return std::move(chosen_);
 }
 

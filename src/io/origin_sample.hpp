@@ -3,9 +3,9 @@
 #pragma once
 
 #include <cstdint>
-#include <limits>
 #include <vector>
 
+#include "io/box_of.hpp"
 #include "pointfair/positions.hpp"
 
 namespace pointfair::io {
@@ -29,10 +29,9 @@ class OriginSample {
   void offer_state(const std::vector<Position>& state);
 
  private:
-  static constexpr double kInfinite = std::numeric_limits<double>::infinity();
   std::uint64_t limit_;
   std::vector<Position> chosen_;
-  Position least_{kInfinite, kInfinite, kInfinite}, most_{-kInfinite, -kInfinite, -kInfinite};
+  BoxOf<double> box_;
 };
 
 /// An origin for coordinates of which these are a sample: 0 on an axis unless the coordinates there are large against

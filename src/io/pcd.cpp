@@ -22,13 +22,6 @@ namespace pointfair::io {
 namespace {
 
 constexpr std::size_t kSizesBytes = 8;  // before compressed data: its size and that of the data, 4 bytes each
-constexpr bool kSwap = std::endian::native == std::endian::big;
-
-void append_size(std::string& to, std::size_t size) {
-  char bytes[4];
-  store_double(bytes, NativeType::uint32, kSwap, static_cast<double>(size));
-  to.append(bytes, sizeof bytes);
-}
 
 // Compresses in pieces, in parallel: LZF data may be joined.
 void write_compressed(std::string_view data, Output& out) {
@@ -40,8 +33,8 @@ void write_compressed(std::string_view data, Output& out) {
   if (std::max(size, data.size()) > std::numeric_limits<std::uint32_t>::max())
     throw Error(ErrorKind::usage, "a compressed PCD file holds at most 4 GiB; choose the binary encoding");
   std::string sizes;
-  append_size(sizes, size);
-  append_size(sizes, data.size());
+  append_little(sizes, static_cast<std::uint32_t>(size));
+  append_little(sizes, static_cast<std::uint32_t>(data.size()));
   out.write(sizes);
   for (const std::string& piece : pieces) out.write(piece);
 }
@@ -298,7 +291,7 @@ RecordLayout record_layout(const PcdHeader& header, bool field_after_field) {
                       .count = header.points(),
                       .xyz = header.xyz,
                       .record_size = header.record_size(),
-                      .swap = kSwap};
+                      .swap = kBigEndian};
   std::size_t offset = 0;
   for (const Column& column : header.fields) {
     layout.fields.push_back({column, field_after_field ? offset * static_cast<std::size_t>(layout.count) : offset,
@@ -330,8 +323,8 @@ std::shared_ptr<Source> read_plain(FileBytes bytes, PcdHeader header, const std:
 std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std::string& name) {
   std::string_view data = bytes.view().substr(header.text.size());
   if (data.size() < kSizesBytes) fail(name, "the file ends before its data; copy it again");
-  const std::uint64_t packed = load<std::uint32_t>(data.data(), kSwap);
-  const std::uint64_t size = load<std::uint32_t>(data.data() + 4, kSwap);
+  const std::uint64_t packed = load_little<std::uint32_t>(data.data());
+  const std::uint64_t size = load_little<std::uint32_t>(data.data() + 4);
   data.remove_prefix(kSizesBytes);
   if (packed > data.size())
     fail(name, "header promises " + std::to_string(packed) + " bytes of compressed data, file ends after " +

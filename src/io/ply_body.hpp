@@ -57,9 +57,6 @@ class PlyEmitter {
   bool first_in_row_ = true;
 };
 
-constexpr bool must_swap(Encoding encoding) {
-  return encoding == Encoding::binary_big_endian ? std::endian::native != std::endian::big
-                                                 : std::endian::native == std::endian::big;
-}
+constexpr bool must_swap(Encoding encoding) { return (encoding == Encoding::binary_big_endian) != kBigEndian; }
 
 }  // namespace pointfair::io

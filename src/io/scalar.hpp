@@ -9,7 +9,7 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
-#include <string_view>
+#include <string>
 #include <type_traits>
 
 #include "pointfair/cloud.hpp"
@@ -78,6 +78,23 @@ T load(const char* from, bool swap) {
   T value;
   copy_scalar(reinterpret_cast<char*>(&value), from, sizeof(T), swap);
   return value;
+}
+
+/// Whether this machine is, so that values of little endian files are turned round.
+inline constexpr bool kBigEndian = std::endian::native == std::endian::big;
+
+template <class T>
+T load_little(const char* from) {
+  return load<T>(from, kBigEndian);
+}
+template <class T>
+void store_little(char* to, T value) {
+  copy_scalar(to, reinterpret_cast<const char*>(&value), sizeof value, kBigEndian);
+}
+template <class T>
+void append_little(std::string& to, T value) {
+  to.resize(to.size() + sizeof value);
+  store_little(to.data() + to.size() - sizeof value, value);
 }
 
 /// `value` as a T: rounded and clamped to an integer type's range, NaN as 0.

@@ -6,6 +6,7 @@
 #include "io/offset.hpp"
 #include "io/parallel.hpp"
 #include "io/placed_source.hpp"
+#include "io/text.hpp"
 #include "platform/large_pages.hpp"
 
 namespace pointfair {
@@ -104,6 +105,10 @@ void Source::place_block(std::size_t block, std::span<Point> points, io::OriginS
 
 Point Source::offset_of(const Position& value, const Position& origin) {
   return {to_offset(value[0], origin[0]), to_offset(value[1], origin[1]), to_offset(value[2], origin[2])};
+}
+
+void Source::fail_at(const char* place, const std::string& message) const {
+  io::fail(name_, "line " + std::to_string(io::line_number(bytes(), place)) + ": " + message);
 }
 
 void Source::extract(std::size_t index, std::span<char> out) const {

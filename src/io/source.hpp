@@ -158,6 +158,8 @@ class Source {
   virtual std::string_view tail() const { return {}; }
 
   std::string_view bytes() const { return bytes_.view(); }
+  /// Throws Error(file) that names the line of a text in which `place` lies.
+  [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   /// What was read of a text is not held in memory beside what was made of it.
   void release_all() const { bytes_.release_all(); }
   void release(std::string_view part) const { bytes_.release(part); }

@@ -144,6 +144,18 @@ std::vector<const TableColumn*> normal_columns(const Table& table) {
   return columns;
 }
 
+void append_position(std::string& to, const Table& table, std::size_t row, char separator) {
+  for (const double value : table.positions[row]) {
+    append_as(to, value, native(table.coordinate_type));
+    to += separator;
+  }
+}
+
+void append_value(std::string& to, const TableColumn& column, std::size_t row, char separator) {
+  append_scalar(to, column.data.data() + row * column_bytes(column), column.type);
+  to += separator;
+}
+
 void write_rows(Output& out, std::size_t rows, const std::function<void(std::size_t, std::string&)>& append_row) {
   write_blocks(out, (rows + kRowsPerBlock - 1) / kRowsPerBlock, [&](std::size_t block, std::string& buffer) {
     const std::size_t end = std::min((block + 1) * kRowsPerBlock, rows);

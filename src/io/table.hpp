@@ -43,6 +43,10 @@ void use_ply_names(Table& table, ColorDepth depth = ColorDepth::bytes);
 /// nx, ny, nz; empty if one is missing.
 std::vector<const TableColumn*> normal_columns(const Table& table);
 
+/// A row's coordinates and its value of a column as words of a text, each with the separator behind it.
+void append_position(std::string& to, const Table& table, std::size_t row, char separator);
+void append_value(std::string& to, const TableColumn& column, std::size_t row, char separator);
+
 /// Calls append_row(i, buffer) for all rows in parallel blocks, and writes the buffers in order.
 void write_rows(Output& out, std::size_t rows, const std::function<void(std::size_t, std::string&)>& append_row);
 

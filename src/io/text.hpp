@@ -89,6 +89,27 @@ void append_as(std::string& to, double value, NativeType type);
 /// the last bit of `offset`, the coordinate as a float relative to the cloud's origin.
 void append_moved(std::string& to, std::string_view word, double value, float offset);
 
+/// A copy of a text with others in the place of some words, which are given as they stand in it.
+class PatchedText {
+ public:
+  PatchedText(std::string_view text, std::string& to) : at_(text.data()), end_(at_ + text.size()), to_(to) {}
+
+  void copy_up_to(const char* end) {
+    to_.append(at_, end);
+    at_ = end;
+  }
+  void replace(std::string_view word, std::string_view by) {
+    copy_up_to(word.data());
+    to_ += by;
+    at_ += word.size();
+  }
+  void finish() { copy_up_to(end_); }
+
+ private:
+  const char *at_, *end_;
+  std::string& to_;
+};
+
 /// The number, from 1, of the line of `text` in which `at` lies, whatever ends the lines.
 std::uint64_t line_number(std::string_view text, const char* at);
 

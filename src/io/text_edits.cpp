@@ -107,27 +107,19 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
 void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
   const std::string_view text = block_text(block);
   to.reserve(text.size() + text.size() / 4);
-  const char* copied = text.data();  // everything before it is in `to`
-  const auto copy_up_to = [&](const char* end) {
-    to.append(copied, end);
-    copied = end;
-  };
+  PatchedText patched(text, to);
   std::vector<WordEdit> edited;
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t place) {
     if (place < 0) return;
     const std::uint64_t point = block_begin(block) + static_cast<std::uint64_t>(place);
     edit_row(line, point, moves, static_cast<std::size_t>(place), edits, edited);
-    for (const WordEdit& edit : edited) {
-      copy_up_to(edit.word.data());
-      to += edit.text;
-      copied = edit.word.data() + edit.word.size();
-    }
+    for (const WordEdit& edit : edited) patched.replace(edit.word, edit.text);
     if (layout_.extendable && !edits.added.empty()) {
-      copy_up_to(line.data() + end_of_words(line, layout_));
+      patched.copy_up_to(line.data() + end_of_words(line, layout_));
       append_added_words(edits.added, point, added_separator(line, layout_.separator), layout_.decimal, to);
     }
   });
-  copy_up_to(text.data() + text.size());
+  patched.finish();
 }
 
 }  // namespace pointfair::io

@@ -76,10 +76,6 @@ std::size_t TextSource::row_begin(std::uint64_t row) const {
   return layout_.begin + begin_of_row(bytes().substr(layout_.begin), layout_.rows, layout_.shape, row);
 }
 
-void TextSource::fail_at(const char* place, const std::string& message) const {
-  fail(name(), "line " + std::to_string(line_number(bytes(), place)) + ": " + message);
-}
-
 // Whether a row has as many words as it must, its first ones up to z taken.
 bool TextSource::ends_as_declared(PlainRow& row) const {
   return !layout_.exact || (row.skip(layout_.columns.size() - plain_lead_ - 3) && row.is_at_end());
@@ -175,16 +171,9 @@ void TextSource::take_numbers(std::string_view line, const TextColumn& column, s
 }
 
 void TextSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
-  const TextColumn& column = attributes_[index];
-  std::vector<std::string_view> words;
-  char* to = out.data();
-  for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
-    if (point < 0) return;
-    PlainRow row(line, layout_.separator);
-    if (!plain_ || !row.skip(column.first) || !take_plain_numbers(row, column, to))
-      take_numbers(line, column, words, to);
-    to += column_bytes(column);
-  });
+  std::vector<std::span<char>> places(attributes_.size());
+  places[index] = out;
+  TextSource::extract_several_of_block(block, places);
 }
 
 // The attributes stand in a row in their order, so that one walk along it finds them all.

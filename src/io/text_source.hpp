@@ -88,7 +88,6 @@ class TextSource : public Source {
                     char* to) const;
   bool take_plain_words(std::string_view line, std::size_t first, std::vector<std::string_view>& words) const;
   bool ends_as_declared(PlainRow& row) const;
-  [[noreturn]] void fail_at(const char* place, const std::string& message) const;
   void check_size() const;
   std::vector<Narrowest> see_columns(std::size_t block) const;
   void find_types() const;

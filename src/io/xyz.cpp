@@ -123,14 +123,8 @@ void write_xyz(Table table, const Writing& writing, Output& out) {
     out.write(names + "\n");
   }
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
-    for (const double value : table.positions[i]) {
-      append_as(buffer, value, native(table.coordinate_type));
-      buffer += separator;
-    }
-    for (const TableColumn& column : table.columns) {
-      append_scalar(buffer, column.data.data() + i * column_bytes(column), column.type);
-      buffer += separator;
-    }
+    append_position(buffer, table, i, separator);
+    for (const TableColumn& column : table.columns) append_value(buffer, column, i, separator);
     buffer.back() = '\n';
   });
 }

@@ -154,9 +154,7 @@ void Pipeline::State::set_noise(std::span<const float> sigmas) {
     attempt([&] {
       std::vector<Point> points(sigmas.size());
       cloud.backend().download_input(points);
-      Sampling& sampling = cloud.backend().sampling();
-      given = given_noise(sigmas, points,
-                          [&](std::size_t count, const auto& body) { sampling.for_each_on_host(count, body); });
+      given = given_noise(sigmas, points, cloud.backend().sampling().on_host());
     });
     if (!given) throw Error(ErrorKind::usage, "set_noise: no value is positive, so none is a standard deviation");
   }

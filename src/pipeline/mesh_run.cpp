@@ -26,13 +26,6 @@ void Pipeline::State::set_faces(Polygons faces) {
   mesh_.reset();
 }
 
-// Loops over the mesh run where the stages do.
-ForEach Pipeline::State::on_host() {
-  return [this](std::size_t count, const std::function<void(std::size_t)>& body) {
-    cloud.backend().sampling().for_each_on_host(count, body);
-  };
-}
-
 const LoadedMesh& Pipeline::State::mesh() {
   if (mesh_) return *mesh_;
   std::optional<Polygons> read;
@@ -44,7 +37,7 @@ const LoadedMesh& Pipeline::State::mesh() {
   std::vector<Point> points(cloud.points());
   cloud.backend().download_input(points);
   const auto start = Clock::now();
-  mesh_ = std::make_shared<const LoadedMesh>(points, faces, on_host());
+  mesh_ = std::make_shared<const LoadedMesh>(points, faces, cloud.backend().sampling().on_host());
   log_.note("faces", milliseconds_since(start));
   return *mesh_;
 }
@@ -98,7 +91,7 @@ platform::LargeVector<double> Pipeline::State::noise_of_vertices(const Params& u
   const NoiseLevels* const its_levels = levels().get();
   const platform::LargeVector<Point>& places = mesh().places;
   platform::LargeVector<double> noise(places.size());
-  for_vertices(places.size(), on_host(),
+  for_vertices(places.size(), cloud.backend().sampling().on_host(),
                [&](std::uint32_t v) { noise[v] = sigma * double(noise_level_at(its_levels, places[v])); });
   return noise;
 }
@@ -108,7 +101,7 @@ platform::LargeVector<double> Pipeline::State::noise_of_vertices(const Params& u
 MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out) {
   const LoadedMesh& its = mesh();
   const MeshEdges& edges = its.topology.edges;
-  const ForEach for_each = on_host();
+  const ForEach for_each = cloud.backend().sampling().on_host();
   const auto start = Clock::now();
   platform::LargeVector<Point> places(edges.vertices()), found_by_stages(edges.vertices());
   for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {

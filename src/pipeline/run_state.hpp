@@ -115,7 +115,6 @@ struct Pipeline::State {
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
   const Frame& frame();
-  ForEach on_host();
   const LoadedMesh& mesh();
   double sigma_of(const Params& used);
   platform::LargeVector<double> noise_of_vertices(const Params& used);

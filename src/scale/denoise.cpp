@@ -55,9 +55,7 @@ class Tile final : public Denoising, private PointStore {
 
   void compute(Backend& backend) override {
     TileWorker worker(backend);
-    const ForEach for_each = [&](std::size_t count, const auto& body) {
-      backend.sampling().for_each_on_host(count, body);
-    };
+    const ForEach for_each = backend.sampling().on_host();
     results_ = own_;  // outliers of iterations before stay as they are
     if (work_.input.zones().are_several()) work_.input.read_stored(leaves_, results_);
     for (const Position& origin : origins_) {

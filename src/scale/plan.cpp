@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
+#include "io/box_of.hpp"
 #include "io/file_bytes.hpp"
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
@@ -104,15 +105,7 @@ Params in_units_of_file(const Params& params, const Source& source) {
 }
 
 // A box of positions.
-struct Extent {
-  Position min{kInfinite, kInfinite, kInfinite}, max{-kInfinite, -kInfinite, -kInfinite};
-  bool is_empty() const { return !(min[0] <= max[0]); }
-  void unite(const Extent& with) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      min[axis] = std::min(min[axis], with.min[axis]);
-      max[axis] = std::max(max[axis], with.max[axis]);
-    }
-  }
+struct Extent : io::BoxOf<double> {
   double diagonal() const { return portable::hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]); }
   double distance_to(const Extent& other) const {
     double gap[3];
@@ -132,7 +125,7 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
     double nearest = kInfinite;
     for (std::size_t j = 0; j < extents.size(); ++j) {
       if (j == i || extents[j].is_empty()) continue;
-      others.unite(extents[j]);
+      others.add(extents[j]);
       nearest = std::min(nearest, extents[i].distance_to(extents[j]));
     }
     if (others.is_empty() || nearest <= kFar * std::max(others.diagonal(), extents[i].diagonal())) continue;
@@ -211,7 +204,7 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
       const Point p = offset(value, origin);
       if (!is_indexed(p)) continue;
       result.sample.push_back(p);
-      result.extents[blocks[i * blocks.size() / count].file].unite({value, value});
+      result.extents[blocks[i * blocks.size() / count].file].add(value);
     }
   return result;
 }

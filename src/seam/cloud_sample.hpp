@@ -58,9 +58,6 @@ Candidates refined(Candidates wanted);
 // Leaves one candidate of each cell, in the order in which they are drawn.
 void order_candidates(std::vector<SampleCandidate>& candidates);
 
-// Calls the function for each number below the given one, many at once.
-using ForEach = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
-
 // On the host: two passes over `points` points, each of which point_at(i) gives with its index in upload order.
 template <class PointAt>
 CloudSample sample_points(std::size_t points, const PointAt& point_at, std::size_t count, const ForEach& for_each) {

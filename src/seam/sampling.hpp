@@ -44,6 +44,9 @@ struct Samples {
   NearRows near{};  // of the first point::kNearRows queries for noise; thinned samples have none
 };
 
+// Calls the function for each number below the given one, many at once.
+using ForEach = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
+
 class Sampling {
  public:
   virtual ~Sampling() = default;
@@ -70,6 +73,9 @@ class Sampling {
   virtual void foresee_nearest(int) {}
   // Calls body(i) for each i below count on the host's cores, as many at once as this backend may use.
   virtual void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body);
+  ForEach on_host() {
+    return [this](std::size_t count, const auto& body) { for_each_on_host(count, body); };
+  }
 };
 
 }  // namespace pointfair

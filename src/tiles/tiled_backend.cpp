@@ -120,7 +120,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     }
     Iteration& its = held(iteration);
     its.stages.frame = frame;
-    its.cut.emplace(input_of(iteration), tiling_.tiles, for_each());
+    its.cut.emplace(input_of(iteration), tiling_.tiles, on_host());
     note("cut", start);
   }
   void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token) override {
@@ -149,7 +149,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
     OutlierTally held_back;
-    for_tile_blocks(points.size(), for_each(), [&](std::size_t first, std::size_t last) {
+    for_tile_blocks(points.size(), on_host(), [&](std::size_t first, std::size_t last) {
       if (!may_hold_back) {
         std::copy_n(&faired[first], last - first, &points[first]);
         return;
@@ -195,7 +195,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
 
   CloudSample sample_cloud(std::size_t count) override {
     const auto point_at = [this](std::size_t i) { return std::pair(cloud_[i], std::uint32_t(i)); };
-    return sample_points(cloud_.size(), point_at, count, for_each());
+    return sample_points(cloud_.size(), point_at, count, on_host());
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
@@ -207,7 +207,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
         }};
     TaskQueue<const Cut::Tile*> tiles;
     for (const Cut::Tile& tile : first_.cut->tiles()) tiles.put(&tile);
-    const ForEach each = for_each();
+    const ForEach each = on_host();
     HostStore store(*first_.cut, cloud_.points(), {}, tiling_.most_points, each);
     on_feeders(tiling_.feeders, [&](std::size_t feeder) {
       TileWorker& worker = workers_of(workers_, feeder, tiling_.feeders).front();
@@ -225,9 +225,6 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   }
 
  private:
-  ForEach for_each() {
-    return [this](std::size_t count, const std::function<void(std::size_t)>& body) { for_each_on_host(count, body); };
-  }
   Iteration& held(int iteration) {
     if (iteration != 0 && iteration != further_iteration_)
       throw Error(ErrorKind::failed, "the results of iteration " + std::to_string(iteration) + " are not held");
@@ -243,7 +240,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     std::vector<TileTask> tiles;
     for (const Cut::Tile& tile : its.cut->tiles())
       if (tile.core.valid > 0) tiles.push_back({tile.cell, {}, tile.core});
-    const ForEach each = for_each();
+    const ForEach each = on_host();
     HostStore store(*its.cut, input_of(iteration), results, tiling_.most_points, each);
     return run_tiles({store, its.stages, each, result, tiling_.feeders, tiling_.first_halo}, workers_, std::move(tiles),
                      stop);
@@ -251,12 +248,12 @@ class CloudInTiles final : public TiledBackend, public Sampling {
 
   // By all threads.
   void copy(std::span<const Point> from, std::span<Point> to) {
-    for_tile_blocks(from.size(), for_each(),
+    for_tile_blocks(from.size(), on_host(),
                     [&](std::size_t first, std::size_t last) { std::copy_n(&from[first], last - first, &to[first]); });
   }
   // Points that no tile has.
   void copy_invalid(std::span<const Point> from, std::span<Point> to) {
-    for_tile_blocks(from.size(), for_each(), [&](std::size_t first, std::size_t last) {
+    for_tile_blocks(from.size(), on_host(), [&](std::size_t first, std::size_t last) {
       for (std::size_t i = first; i < last; ++i)
         if (!is_indexed(from[i])) to[i] = from[i];
     });

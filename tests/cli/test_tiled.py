@@ -1,7 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles on disk have the bits of the run in memory, whatever is killed on the way."""
-import os
 import random
 import resource
 import shutil
@@ -162,14 +161,11 @@ class Bits(Case):
         self.assertEqual(whole.read_bytes(), cut.read_bytes())
 
     def test_several_files_are_one_cloud(self):
-        rows = list(ground(9000))
+        rows = list(ground(8100))
         whole = write_las(self.path("whole.las"), rows, [2] * len(rows))
         self.ok("run", whole, self.path("expected.las"), "-q")
         third = len(rows) // 3
         parts = [write_las(self.path(f"part{i}.las"), rows[i * third:(i + 1) * third], [2] * third) for i in range(3)]
-        if len(rows) > 3 * third:
-            write_las(self.path("whole.las"), rows[:3 * third], [2] * 3 * third)
-            self.ok("run", whole, self.path("expected.las"), "-q", "--force")
         self.ok("run", *parts, "--out-dir", self.path("fair"), "-q", "--tiles", 5)
         found = [p for part in parts for p in las_grid(self.path("fair") / part.name)]
         self.assertEqual(found, las_grid(self.path("expected.las")))
@@ -187,8 +183,8 @@ class Bits(Case):
 
 
 class Tasks(Case):
-    def plan(self, points=8000):
-        source = write_binary(self.path("in.ply"), sphere_points(points, 0.01))
+    def plan(self):
+        source = write_binary(self.path("in.ply"), sphere_points(8000, 0.01))
         self.ok("run", source, self.path("whole.ply"), "-q", "--force")
         self.ok("tile", "plan", source, "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 6)
         return source
@@ -223,27 +219,6 @@ class Tasks(Case):
             workers = [subprocess.Popen([BIN, "tile", "run", self.path("work"), "--task", step["step"]]) for _ in range(3)]
             self.assertEqual([worker.wait() for worker in workers], [0, 0, 0])
         self.expect_the_bits()
-
-    def test_a_run_that_was_killed_goes_on(self):
-        self.plan(30000)
-        generator = random.Random(5)
-        begin = time.monotonic()
-        self.ok("tile", "run", self.path("work"), "--all", "-q")
-        whole = time.monotonic() - begin
-        for _ in range(3):
-            self.path("out.ply").unlink()
-            shutil.rmtree(self.path("work"))
-            self.ok("tile", "plan", self.path("in.ply"), "--out", self.path("out.ply"), "--work", self.path("work"), "--tiles", 6)
-            for _ in range(60):
-                worker = subprocess.Popen([BIN, "tile", "run", self.path("work"), "--all", "-q"])
-                try:
-                    if worker.wait(generator.uniform(0, whole)) == 0:
-                        break
-                except subprocess.TimeoutExpired:
-                    worker.send_signal(signal.SIGKILL)
-                    worker.wait()
-            self.assertEqual(worker.returncode, 0)
-            self.expect_the_bits()
 
     def test_a_run_that_was_interrupted_leaves_nothing_or_goes_on(self):
         source = write_binary(self.path("in.ply"), sphere_points(60000, 0.01))

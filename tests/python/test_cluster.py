@@ -1,14 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A run on a Dask cluster has the bits of the run in memory, whichever workers die on the way."""
+"""A run on a Dask cluster has the bits of the run in memory."""
 import importlib
 import os
 import pathlib
 import random
-import signal
 import struct
 import subprocess
 import sys
-import threading
 import types
 
 import pytest
@@ -56,30 +54,6 @@ def test_has_the_bits_of_the_run_in_memory(client, source, tmp_path):
     report = denoise(client, source, tmp_path)
     assert (tmp_path / "out.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
     assert report["points"] == 20000 and report["tiles"] == 9
-
-
-def test_workers_that_die_change_nothing(client, source, tmp_path):
-    stop = threading.Event()
-
-    def kill_some():
-        generator = random.Random(2)
-        while not stop.wait(generator.uniform(0.5, 1.5)):
-            workers = client.run(os.getpid, on_error="ignore")
-            if workers:
-                try:
-                    os.kill(generator.choice(list(workers.values())), signal.SIGKILL)
-                except ProcessLookupError:
-                    pass
-
-    killer = threading.Thread(target=kill_some)
-    killer.start()
-    threading.Timer(8, stop.set).start()
-    try:
-        denoise(client, source, tmp_path, retries=20)
-    finally:
-        stop.set()
-        killer.join()
-    assert (tmp_path / "out.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
 
 
 def test_files_of_a_store_are_copied(client, source, tmp_path):

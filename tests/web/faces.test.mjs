@@ -4,9 +4,8 @@ import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { readFileSync, writeFileSync } from "node:fs";
 import path from "node:path";
-import test from "node:test";
 import { blocks, difference, picture } from "./looks.mjs";
-import { dataset, kProgram, openBrowser, openPage, settled, temporaryFolder, view } from "./program.mjs";
+import { copied, dataset, kProgram, save, settled, sheet, show, temporaryFolder, test } from "./program.mjs";
 
 /** A waving sheet of quads with noise. */
 function quads(folder) {
@@ -22,10 +21,7 @@ function quads(folder) {
 
 test("faces are drawn in every way, before and after, and followed", async (t) => {
   const folder = temporaryFolder(t);
-  const { url } = await view(t, [quads(folder), "--port", 0, "--save-folder", folder]);
-  const { page, faults, context } = await openPage(t, await openBrowser(t), `${url}#view.mode=after`);
-  await context.grantPermissions(["clipboard-read", "clipboard-write"]);
-  await settled(page);
+  const { page } = await show(t, [quads(folder), "--save-folder", folder], "#view.mode=after");
   await page.waitForFunction(() => document.body.dataset.settled);
   assert.match(await page.locator(".file").textContent(), /2\D500 points, 2\D401 faces/);
 
@@ -49,28 +45,17 @@ test("faces are drawn in every way, before and after, and followed", async (t) =
     await page.locator("#param-connectivity").selectOption("mesh");
     await settled(page);
     assert.equal(await dataset(page, "error"), undefined);
-    await page.locator("#output").fill("followed.obj");
-    await page.keyboard.press("Tab");
-    await settled(page);
-    await page.locator("#save").click();
-    await page.waitForFunction(() => document.body.dataset.saved);
-    await page.locator("#copy-command").click();
-    await page.locator(".toast", { hasText: "on the clipboard" }).waitFor();
-    const command = await page.evaluate(() => navigator.clipboard.readText());
+    await save(page, "followed.obj");
+    const command = await copied(page, "Copy as command", "command");
     assert.match(command, /--connectivity=mesh/);
     const elsewhere = temporaryFolder(t);
     execFileSync("sh", ["-c", command], { cwd: elsewhere, env: { ...process.env, PATH: `${path.dirname(kProgram)}:${process.env.PATH}` }, stdio: "pipe" });
     assert.ok(readFileSync(path.join(folder, "followed.obj")).equals(readFileSync(path.join(elsewhere, "followed.obj"))));
   });
-  assert.deepEqual(faults, []);
 });
 
 test("a cloud without faces has no parameters of meshes", async (t) => {
-  const file = path.join(temporaryFolder(t), "plain.xyz");
-  writeFileSync(file, Array.from({ length: 900 }, (_, i) => `${i % 30} ${Math.floor(i / 30)} ${((i * 7) % 11) / 40}`).join("\n"));
-  const { url } = await view(t, [file, "--port", 0]);
-  const { page } = await openPage(t, await openBrowser(t), url);
-  await settled(page);
+  const { page } = await show(t, [sheet(temporaryFolder(t), "plain.xyz", 30)]);
   await page.locator(".expert > summary").click();
   assert.ok(await page.locator('[data-param="method"]').isVisible());
   for (const name of ["connectivity", "rings", "keep_boundary", "tangential"])

@@ -8,15 +8,23 @@ const kPictures = path.join(process.env.POINTFAIR_SOURCE ?? ".", "tests/web/pict
 
 export const canvas = (page) => page.locator(".stage > canvas");
 
-/** Mean colours of blocks of the picture, 64 x 40 of them, without the browser's own scaling, of which it has several. */
-export async function blocks(page, png, width = 64, height = 40) {
-  return page.evaluate(async ([base64, width, height]) => {
+/** Lets the page read PNGs, in base64, without the browser's own scaling, of which it has several. */
+export const readsPixels = (page) => page.addInitScript(() => {
+  globalThis.pixelsOf = async (base64) => {
     const image = new Image();
     image.src = `data:image/png;base64,${base64}`;
     await image.decode();
-    const context = new OffscreenCanvas(image.width, image.height).getContext("2d", { willReadFrequently: true });
+    const { width, height } = image;
+    const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
     context.drawImage(image, 0, 0);
-    const { data } = context.getImageData(0, 0, image.width, image.height);
+    return { width, height, data: context.getImageData(0, 0, width, height).data };
+  };
+});
+
+/** Mean colours of blocks of the picture, 64 x 40 of them. */
+export async function blocks(page, png, width = 64, height = 40) {
+  return page.evaluate(async ([base64, width, height]) => {
+    const { data, ...image } = await globalThis.pixelsOf(base64);
     const sums = new Float64Array(3 * width * height), counts = new Uint32Array(width * height);
     for (let y = 0, at = 0; y < image.height; ++y)
       for (let x = 0; x < image.width; ++x, at += 4) {
@@ -31,12 +39,7 @@ export async function blocks(page, png, width = 64, height = 40) {
 /** How many pixels of a picture have the colour of a measured distance. */
 export async function pixelsOfDistance(page, png) {
   return page.evaluate(async (base64) => {
-    const image = new Image();
-    image.src = `data:image/png;base64,${base64}`;
-    await image.decode();
-    const context = new OffscreenCanvas(image.width, image.height).getContext("2d", { willReadFrequently: true });
-    context.drawImage(image, 0, 0);
-    const { data } = context.getImageData(0, 0, image.width, image.height);
+    const { data } = await globalThis.pixelsOf(base64);
     let count = 0;
     for (let at = 0; at < data.length; at += 4) count += data[at] > 220 && data[at + 1] > 140 && data[at + 2] < 120;
     return count;

@@ -4,19 +4,15 @@
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
 import path from "node:path";
-import test from "node:test";
 import { assertPicture, canvas } from "./looks.mjs";
-import { entry, kModels, noisyArmadillo, openBrowser, openPage, run, settled, temporaryFolder, view, withModels } from "./program.mjs";
+import { kModels, noisyArmadillo, run, show, temporaryFolder, test, type, withModels } from "./program.mjs";
 
 const kSource = process.env.POINTFAIR_SOURCE;
 const models = withModels();
 
 test("pictures are as they were", models, async (t) => {
   const noisy = noisyArmadillo(temporaryFolder(t), 30000, kModels);
-  const { url } = await view(t, [noisy, "--port", 0]);
-  const browser = await openBrowser(t);
-  const { page, faults } = await openPage(t, browser, `${url}#k=24&iterations=1&view.up=y&view.mode=after`, { viewport: { width: 988, height: 490 } });
-  await settled(page);
+  const { page } = await show(t, [noisy], "#k=24&iterations=1&view.up=y&view.mode=after", { viewport: { width: 988, height: 490 } });
   await page.waitForFunction(() => document.body.dataset.settled); // and with it the normals of the result
   await assertPicture(page, "denoised");
   await page.locator("#colour").selectOption("displacement");
@@ -26,7 +22,6 @@ test("pictures are as they were", models, async (t) => {
   await page.locator("#colour").selectOption("normal");
   await page.keyboard.press("3");
   await assertPicture(page, "side_by_side");
-  assert.deepEqual(faults, []);
 });
 
 // The README's picture and animation: a slider is pulled, then the wipe.
@@ -35,11 +30,8 @@ test("pictures of the README", process.env.POINTFAIR_UPDATE_PICTURES ? models : 
   const { bounds, diagonal } = JSON.parse(run(["info", noisy, "--report", "-"]));
   const target = bounds.min.map((low, i) => (low + bounds.max[i]) / 2);
   const eye = [-0.42, 0.22, -0.88].map((d, i) => target[i] + 1.02 * diagonal * d);
-  const { url } = await view(t, [noisy, "--port", 0]);
-  const browser = await openBrowser(t);
   const state = new URLSearchParams({ cloud: "noisy.ply", k: "32", "view.up": "y", "view.mode": "wipe", "view.camera": [...eye, ...target].join(",") });
-  const { page } = await openPage(t, browser, `${url}#${state}`, { viewport: { width: 1280, height: 760 } });
-  await settled(page);
+  const { page } = await show(t, [noisy], `#${state}`, { viewport: { width: 1280, height: 760 } });
   await page.waitForTimeout(2500);
   await page.screenshot({ path: path.join(kSource, "docs/pictures/viewer.png") });
 
@@ -52,11 +44,8 @@ test("pictures of the README", process.env.POINTFAIR_UPDATE_PICTURES ? models : 
   };
   const words = [];
   await page.keyboard.press("1");
-  const width = entry(page, "similarity_sigma");
   for (const value of ["0.02s", "0.05s", "0.1s", "0.2s", "0.35s", "0.6s", "0.9s", "1.3s", "1.8s"]) {
-    await width.fill(value);
-    await page.keyboard.press("Enter");
-    await settled(page);
+    await type(page, "similarity_sigma", value);
     await page.waitForTimeout(1200);
     words.push(...(await shoot(260)));
   }

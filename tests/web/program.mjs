@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program under test and a browser to look at its page. Node modules come from where the page was built.
+import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
-import { existsSync, mkdtempSync, rmSync } from "node:fs";
+import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import path from "node:path";
+import nodeTest from "node:test";
+import { canvas, readsPixels } from "./looks.mjs";
 
 export const kProgram = process.env.POINTFAIR_BIN;
 export const modules = createRequire(path.join(process.env.POINTFAIR_WEB, "package.json"));
@@ -16,6 +19,12 @@ export function withModels() {
   const here = existsSync(path.join(kModels, "building.ply")) || spawnSync("python3", [script, kModels]).status === 0;
   return here ? {} : { skip: "the models of libcgal-demo are not here and cannot be fetched" };
 }
+
+/** A test at whose end no page that it opened has a fault. */
+export const test = (name, options, body = options) => nodeTest(name, body === options ? {} : options, async (t) => {
+  await body(t);
+  assert.deepEqual(t.faults ?? [], []);
+});
 
 /** A folder that goes with the test. */
 export function temporaryFolder(t) {
@@ -64,12 +73,12 @@ export async function openBrowser(t) {
   return browser;
 }
 
-/** A page at the URL, which prepare(page) sees first. What it logs as an error, or asks of another address, makes the test fail. */
+/** A page at the URL, which prepare(page) sees first. What it logs as an error, or asks of another address, is a fault of the test. */
 export async function openPage(t, browser, url, options = {}, prepare = async () => {}) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, acceptDownloads: true, ...options });
   context.setDefaultTimeout(120000); // for what never comes; how long things take is measured by bench/viewer_page.mjs
   const page = await context.newPage();
-  const faults = [];
+  const faults = (t.faults ??= []);
   page.on("pageerror", (error) => faults.push(String(error)));
   page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
   page.on("request", (request) => {
@@ -77,9 +86,18 @@ export async function openPage(t, browser, url, options = {}, prepare = async ()
     if (!["blob:", "data:"].includes(asked.protocol) && asked.host !== new URL(url).host) faults.push(`asks for ${asked}`);
   });
   t.after(() => context.close());
+  await readsPixels(page);
   await prepare(page);
   await page.goto(url);
   return { page, faults, context };
+}
+
+/** `pointfair view` of the words, and a page with the state, once it shows a result. */
+export async function show(t, words, state = "", options = {}) {
+  const { url, child } = await view(t, [...words, "--port", 0]);
+  const opened = await openPage(t, await openBrowser(t), url + state, options);
+  await settled(opened.page);
+  return { ...opened, url, child };
 }
 
 /** Waits until the page shows the whole result of what it asked for last; the limit is for what never comes. */
@@ -101,6 +119,49 @@ export async function pull(page, locator, from, ...places) {
 
 export const entry = (page, name) => page.locator(`[data-param="${name}"] input.entry`);
 export const slider = (page, name) => page.locator(`[data-param="${name}"] input[type=range]`);
+
+/** Types what a parameter is to be, and waits for the result. */
+export async function type(page, name, value) {
+  await entry(page, name).fill(value);
+  await page.keyboard.press("Enter");
+  await settled(page);
+}
+
+/** Sets a slider at once. */
+export const slide = (page, id, value) => page.locator(id).evaluate((element, to) => {
+  element.value = to;
+  for (const kind of ["input", "change"]) element.dispatchEvent(new Event(kind, { bubbles: true }));
+}, value);
+
+/** Draws a lasso, whose corners are shares of the picture. */
+export async function drawLasso(page, ...corners) {
+  await page.getByRole("button", { name: "Draw lasso" }).click();
+  const box = await canvas(page).boundingBox();
+  const move = ([x, y], steps) => page.mouse.move(box.x + x * box.width, box.y + y * box.height, { steps });
+  await move(corners[0], 1);
+  await page.mouse.down();
+  for (const corner of corners) await move(corner, 8);
+  await page.mouse.up();
+}
+
+/** Saves under a name and waits until it is there. */
+export async function save(page, name, encoding = "") {
+  const error = await dataset(page, "error"); // of what failed before
+  await page.locator("#output").fill(name);
+  await page.locator("#encoding").selectOption(encoding);
+  await page.locator("#save").click();
+  await page.waitForFunction(([wanted, old]) => document.body.dataset.saved?.endsWith(wanted) || document.body.dataset.error !== old, [name, error]);
+  assert.equal(await dataset(page, "error"), error);
+}
+
+/** What the button puts on the clipboard; it is called `what` then. */
+export async function copied(page, button, what) {
+  await page.context().grantPermissions(["clipboard-read", "clipboard-write"]);
+  await page.getByRole("button", { name: button }).click();
+  await page.locator(".toast", { hasText: `The ${what} is on the clipboard` }).waitFor();
+  return page.evaluate(() => navigator.clipboard.readText());
+}
+
 export const dataset = (page, key) => page.evaluate((k) => document.body.dataset[k], key);
 
 /** How often the picture has changed. */
@@ -121,4 +182,15 @@ export function noisyArmadillo(folder, points, models) {
   const noisy = path.join(folder, "noisy.ply");
   run(["noise", path.join(models, "armadillo.off"), noisy, "--points", points, "--sigma", "0.3%", "--seed", 1, "-q"]);
   return noisy;
+}
+
+/** A waving sheet of `across` x `across` points; `noise` is the width of its noise, in spacings. */
+export function sheet(folder, name, across, noise = 1, spike = false) {
+  const rows = Array.from({ length: across * across }, (_, i) => {
+    const [x, y] = [i % across, Math.floor(i / across)];
+    return `${x} ${y} ${Math.sin(x / 6) + noise * (((i * 7919) % 101) / 101 - 0.5) + (spike && i === 1830 ? 25 : 0)}`;
+  });
+  const file = path.join(folder, name);
+  writeFileSync(file, rows.join("\n"));
+  return file;
 }

@@ -3,19 +3,13 @@
 import assert from "node:assert/strict";
 import { existsSync } from "node:fs";
 import path from "node:path";
-import test from "node:test";
 import { blocks, canvas, difference, faintTexts, picture, pixelsOfDistance } from "./looks.mjs";
-import { dataset, entry, kModels, noisyArmadillo, openBrowser, openPage, settled, slider, temporaryFolder, view, withModels } from "./program.mjs";
+import { dataset, entry, kModels, noisyArmadillo, settled, show, slider, temporaryFolder, test, withModels } from "./program.mjs";
 
 const models = withModels();
 
-async function start(t, options, hash = "#view.mode=after", folder = temporaryFolder(t)) {
-  const small = noisyArmadillo(folder, 3000, kModels);
-  const { url } = await view(t, [small, "--port", 0, "--save-folder", folder]);
-  const opened = await openPage(t, await openBrowser(t), url + hash, options);
-  await settled(opened.page);
-  return opened;
-}
+const start = (t, options, state = "#view.mode=after", folder = temporaryFolder(t)) =>
+  show(t, [noisyArmadillo(folder, 3000, kModels), "--save-folder", folder], state, options);
 
 /** What has the focus: its name, its kind, and whether the focus shows. */
 const focused = (page) => page.evaluate(() => {
@@ -34,7 +28,7 @@ async function tabTo(page, name) {
 }
 
 test("every control is reached with the tabulator, has a name, and shows that it has the focus", models, async (t) => {
-  const { page, faults } = await start(t, {});
+  const { page } = await start(t, {});
   const reached = new Set();
   for (let i = 0; i < 150; ++i) {
     await page.keyboard.press("Tab");
@@ -47,12 +41,11 @@ test("every control is reached with the tabulator, has a name, and shows that it
   const names = ["Denoised", "Open a file", "Fit", "Measure", "Screenshot", "Keyboard", "Settings", "Noise", "Neighbours", "Neighbours auto", "Iterations", "Method", "Strength", "Clip box",
     "Only points in view", "Colour by", "Point size", "Eye-dome lighting", "Save", "Copy as command", "Copy as C++", "Copy link"];
   for (const name of names) assert.ok(reached.has(name), `${name} cannot be reached`);
-  assert.deepEqual(faults, []);
 });
 
 test("a cloud is denoised, compared and saved with the keyboard alone", models, async (t) => {
   const folder = temporaryFolder(t);
-  const { page, faults } = await start(t, {}, "#view.mode=after", folder);
+  const { page } = await start(t, {}, "#view.mode=after", folder);
   const keys = async (...names) => {
     for (const name of names) await page.keyboard.press(name);
   };
@@ -111,7 +104,6 @@ test("a cloud is denoised, compared and saved with the keyboard alone", models, 
   await page.getByRole("dialog").waitFor();
   await keys("Escape");
   await page.getByRole("dialog").waitFor({ state: "hidden" });
-  assert.deepEqual(faults, []);
 });
 
 test("texts have the contrast that WCAG AA asks for", models, async (t) => {
@@ -129,7 +121,7 @@ test("texts have the contrast that WCAG AA asks for", models, async (t) => {
 
 for (const [width, height] of [[390, 844], [320, 568]]) {
   test(`on a phone of ${width} x ${height} nothing is cut off, and fingers turn and wipe`, models, async (t) => {
-    const { page, faults } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, "#view.mode=wipe&view.colour=displacement");
+    const { page } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, "#view.mode=wipe&view.colour=displacement");
     await page.locator("summary", { hasText: "Snapshots" }).click();
     await page.getByLabel("Name of the snapshot").fill("a name that somebody typed at length and then some");
     await page.getByRole("button", { name: "Keep", exact: true }).click();
@@ -156,6 +148,5 @@ for (const [width, height] of [[390, 844], [320, 568]]) {
     const knob = await page.locator('[data-param="radius"] input[type=range]').boundingBox();
     await page.touchscreen.tap(knob.x + 0.3 * knob.width, knob.y + knob.height / 2);
     await page.waitForFunction((n) => Number(document.body.dataset.updates) > n, updates);
-    assert.deepEqual(faults, []);
   });
 }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A small sheet with a picture, whose left and right halves lie apart in the picture: a seam runs down the middle.
+import assert from "node:assert/strict";
 import { writeFileSync } from "node:fs";
 import path from "node:path";
 import { deflateSync } from "node:zlib";
@@ -149,13 +150,7 @@ export async function quadrants(page) {
   const screenshot = await picture(page);
   await show("");
   return page.evaluate(async ([base64, colours]) => {
-    const image = new Image();
-    image.src = `data:image/png;base64,${base64}`;
-    await image.decode();
-    const { width, height } = image;
-    const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
-    context.drawImage(image, 0, 0);
-    const { data } = context.getImageData(0, 0, width, height);
+    const { width, height, data } = await globalThis.pixelsOf(base64);
     const at = (x, y) => data.subarray(4 * (y * width + x), 4 * (y * width + x) + 3);
     const isBack = ([r, g, b]) => r < 40 && g < 40 && b < 50; // the page's dark background
     const margin = 6;
@@ -178,6 +173,12 @@ export async function quadrants(page) {
       }
     return Object.fromEntries(Object.entries(counts).map(([name, count]) => [name, hits[name] / count]));
   }, [screenshot.toString("base64"), kColours]);
+}
+
+/** All of a sheet's quarters have the colours that its picture has there, up to the seam. */
+export async function assertColours(page, what) {
+  const shares = await quadrants(page);
+  for (const [quarter, share] of Object.entries(shares)) assert.ok(share > 0.995, `${what}: ${quarter} ${JSON.stringify(shares)}`);
 }
 
 /** In the page: files as a drop has them, [name, content in base64] each. */

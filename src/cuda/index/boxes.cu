@@ -8,13 +8,6 @@ namespace {
 constexpr int kBlock = kGroupPoints;  // threads; 32 leaves, so a block also has the box of the level above
 constexpr float kInfinity = __builtin_inff();
 
-__device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
-  const float bounds[6] = {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z};
-  for (int b = 0; b < 6; ++b) group.bound[b][child] = bounds[b];
-}
-
-__device__ Box united_box(const Box& mine) { return {warp_box(mine.min, true).min, warp_box(mine.max, true).max}; }
-
 // Sorts a block's pairs, one a thread, by their keys: a bitonic network (Batcher 1968).
 __device__ void sort_block(CoarseKey& key, Index& value, uint2 (&shared)[kBlock]) {
   const unsigned thread = threadIdx.x;
@@ -72,8 +65,6 @@ __global__ void __launch_bounds__(kBlock)
   const Box above = united_box(boxes[threadIdx.x]);
   if (threadIdx.x == 0) store_box(tree.group(1, group / kWarp), group % kWarp, above);
 }
-
-__device__ Box nothing() { return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}}; }
 
 // The levels from 1 on, by one block, over the groups of leaves from `first`, which begins a subtree, to `end`: the
 // places of each that no child fills, then the boxes of the next.
@@ -145,9 +136,8 @@ void build_top(Context& context, const Tree& tree, int level, Index subtrees, In
 
 void build_tops_after(Context& context, const Tree& tree, int level, Index subtrees, Index each, Index groups_of_top,
                       std::size_t parts) {
-  build_all_tops_after<<<static_cast<unsigned>(parts), kBlock, 0, context.stream()>>>(tree, level, subtrees, each,
-                                                                                      groups_of_top);
-  check(cudaGetLastError(), "building the tree");
+  launch(context, "building the tree", build_all_tops_after, static_cast<unsigned>(parts), kBlock, tree, level,
+         subtrees, each, groups_of_top);
 }
 
 }  // namespace pointfair::cuda

@@ -10,6 +10,19 @@ namespace pointfair::cuda {
 
 inline constexpr int kGroupPoints = kLeafSize * kLeafSize;  // of leaves that have their boxes side by side
 
+__device__ inline Box nothing() {
+  constexpr float kMost = __builtin_inff();
+  return {{kMost, kMost, kMost}, {-kMost, -kMost, -kMost}};
+}
+// Of all lanes.
+__device__ inline Box united_box(const Box& mine) {
+  return {warp_box(mine.min, true).min, warp_box(mine.max, true).max};
+}
+__device__ inline void store_box(BoxGroup& group, unsigned child, const Box& box) {
+  const float bounds[6] = {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z};
+  for (int b = 0; b < 6; ++b) group.bound[b][child] = bounds[b];
+}
+
 // Brings points `begin` to `end` into sorted order, to `sorted`, and makes the boxes of their leaves and of the level
 // above. `begin`: a multiple of kGroupPoints, where `order` begins. `coarse`: the keys, if they are to be refined (see
 // kFewPoints), else null.

@@ -35,12 +35,6 @@ struct Place {
   __device__ std::size_t compact() const { return span.place + offset; }  // among the points of the batch
 };
 
-__device__ void store_box(BoxGroup& group, unsigned child, const Box& box) {
-  const float bounds[6] = {box.min.x, box.min.y, box.min.z, box.max.x, box.max.y, box.max.z};
-  for (int b = 0; b < 6; ++b) group.bound[b][child] = bounds[b];
-}
-__device__ Box nothing() { return {{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}}; }
-
 // A block to a cloud: the cube over its valid points.
 __global__ void __launch_bounds__(kBlock) lay_grids(const Point* points, const CloudSpan* spans, KeyGrid* grids) {
   __shared__ Box boxes[kWarp];
@@ -52,12 +46,12 @@ __global__ void __launch_bounds__(kBlock) lay_grids(const Point* points, const C
     box.min = {fminf(box.min.x, p.x), fminf(box.min.y, p.y), fminf(box.min.z, p.z)};
     box.max = {fmaxf(box.max.x, p.x), fmaxf(box.max.y, p.y), fmaxf(box.max.z, p.z)};
   }
-  box = {warp_box(box.min, true).min, warp_box(box.max, true).max};
+  box = united_box(box);
   if (lane_number() == 0) boxes[threadIdx.x / kWarp] = box;
   __syncthreads();
   if (threadIdx.x >= kWarp) return;
   box = boxes[threadIdx.x];
-  box = {warp_box(box.min, true).min, warp_box(box.max, true).max};
+  box = united_box(box);
   if (threadIdx.x != 0) return;
   const float side = fmaxf(fmaxf(box.max.x - box.min.x, box.max.y - box.min.y), box.max.z - box.min.z);
   const float scale = kSteps / side;
@@ -166,8 +160,7 @@ __global__ void __launch_bounds__(kBlock)
     atomicAdd(&to.valid_of_clouds[place.cloud], all);
   }
   if (tree.levels < 2) return;
-  const Box mine = boxes[lane_number()];
-  const Box above = {warp_box(mine.min, true).min, warp_box(mine.max, true).max};
+  const Box above = united_box(boxes[lane_number()]);
   const Index group = blockIdx.x % groups;
   if (lane_number() == 0) store_box(tree.group(1, place.cloud), group, above);
   if (group == 0 && lane_number() >= groups) store_box(tree.group(1, place.cloud), lane_number(), nothing());
@@ -204,23 +197,19 @@ template <class Key>
 struct Pairs {
   Pairs(Context& context, std::size_t count)
       : keys{DeviceArray<Key>(context), DeviceArray<Key>(context)},
-        values{DeviceArray<Index>(context), DeviceArray<Index>(context)},
-        scratch(context) {
+        values{DeviceArray<Index>(context), DeviceArray<Index>(context)} {
     for (int i = 0; i < 2; ++i) {
       keys[i].resize(count);
       values[i].resize(count);
     }
   }
-  void sort(const Context& context, int bits) {
+  void sort(Context& context, int bits) {
     cub::DoubleBuffer<Key> key_buffer(keys[0].data(), keys[1].data());
     cub::DoubleBuffer<Index> value_buffer(values[0].data(), values[1].data());
-    std::size_t bytes = 0;
-    for (const bool sizing : {true, false}) {
-      check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, key_buffer, value_buffer,
-                                            static_cast<Index>(keys[0].size()), 0, bits, context.stream()),
-            "indexing clouds");
-      if (sizing) scratch.resize(bytes);
-    }
+    with_scratch(context, "indexing clouds", [&](void* scratch, std::size_t& bytes) {
+      return cub::DeviceRadixSort::SortPairs(scratch, bytes, key_buffer, value_buffer,
+                                             static_cast<Index>(keys[0].size()), 0, bits, context.stream());
+    });
     if (key_buffer.selector == 0) return;
     keys[0].swap(keys[1]);
     values[0].swap(values[1]);
@@ -228,7 +217,6 @@ struct Pairs {
 
   DeviceArray<Key> keys[2];
   DeviceArray<Index> values[2];  // [0] is sorted, [1] spare
-  DeviceArray<std::byte> scratch;
 };
 
 int cloud_bits(const CloudBatch& batch) { return std::max(1, int(std::bit_width(batch.clouds - 1))); }
@@ -241,34 +229,29 @@ void order_fast(Context& context, const Point* points, const CloudBatch& batch, 
   grids.resize(batch.clouds);
   Pairs<unsigned> pairs(context, batch.points);
   lay_grids<<<batch.clouds, kBlock, 0, stream>>>(points, batch.spans, grids.data());
-  make_keys<<<batch.clouds * groups, kBlock, 0, stream>>>(points, batch.spans, groups, grids.data(),
-                                                          pairs.keys[0].data(), pairs.values[0].data());
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", make_keys, batch.clouds * groups, kBlock, points, batch.spans, groups,
+         grids.data(), pairs.keys[0].data(), pairs.values[0].data());
   pairs.sort(context, 3 * kBits + (batch.clouds > 1 ? cloud_bits(batch) : 0));
   order.swap(pairs.values[0]);
 }
 
 void order_along_curves(Context& context, const Point* points, const CloudBatch& batch, CloudState* state,
                         DeviceArray<Index>& order) {
-  const cudaStream_t stream = context.stream();
   const std::size_t count = batch.points;
   const Index groups = static_cast<Index>(batch.groups_of_cloud());
   const unsigned blocks = blocks_for(count, kBlock);
   Pairs<CurveKey> by_curve(context, count);
   Pairs<Index> by_cloud(context, count);
   order.resize(count);
-  make_curve_keys<<<batch.clouds * groups, kBlock, 0, stream>>>(
-      points, batch.spans, groups, batch.settings, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", make_curve_keys, batch.clouds * groups, kBlock, points, batch.spans, groups,
+         batch.settings, by_curve.keys[0].data(), by_curve.values[0].data(), order.data());
   by_curve.sort(context, kCloudBit);
-  look_up_clouds<<<blocks, kBlock, 0, stream>>>(count, by_curve.values[0].data(), order.data(), by_cloud.keys[0].data(),
-                                                by_cloud.values[0].data());
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", look_up_clouds, blocks, kBlock, count, by_curve.values[0].data(), order.data(),
+         by_cloud.keys[0].data(), by_cloud.values[0].data());
   by_cloud.sort(context, cloud_bits(batch));
-  join_clouds<<<blocks, kBlock, 0, stream>>>(count, batch.spans, by_cloud.keys[0].data(), by_cloud.values[0].data(),
-                                             by_curve.keys[0].data(), by_curve.values[0].data(),
-                                             by_curve.keys[1].data(), order.data());
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", join_clouds, blocks, kBlock, count, batch.spans, by_cloud.keys[0].data(),
+         by_cloud.values[0].data(), by_curve.keys[0].data(), by_curve.values[0].data(), by_curve.keys[1].data(),
+         order.data());
   order_cells(context, points, by_curve.keys[1].data(), count, order.data(), state, by_curve.values[1].data());
 }
 
@@ -277,8 +260,7 @@ void order_along_curves(Context& context, const Point* points, const CloudBatch&
 void build_batch_index(Context& context, const Point* points, const CloudBatch& batch, const Tree& tree,
                        const BatchIndex& to) {
   const cudaStream_t stream = context.stream();
-  clear<<<1, 1, 0, stream>>>(to.state);
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", clear, 1, 1, to.state);
   if (batch.clouds == 0) return;
   check(cudaMemsetAsync(to.valid_of_clouds, 0, batch.clouds * sizeof(Index), stream), "indexing clouds");
   const Index groups = static_cast<Index>(batch.groups_of_cloud());
@@ -288,21 +270,20 @@ void build_batch_index(Context& context, const Point* points, const CloudBatch& 
   } else {
     order_along_curves(context, points, batch, to.state, order);
   }
-  gather<<<batch.clouds * groups, kBlock, 0, stream>>>(points, batch.spans, groups, order.data(), tree, to);
-  check(cudaGetLastError(), "indexing clouds");
+  launch(context, "indexing clouds", gather, batch.clouds * groups, kBlock, points, batch.spans, groups, order.data(),
+         tree, to);
 }
 
 void hash_positions(Context& context, const Tree& tree, float* share) {
   if (tree.leaves == 0) return;
-  find_shares<<<tree.leaves / kLeafSize, kBlock, 0, context.stream()>>>(tree, share);
-  check(cudaGetLastError(), "hashing positions");
+  launch(context, "hashing positions", find_shares, tree.leaves / kLeafSize, kBlock, tree, share);
 }
 
 void limit(Context& context, const CloudBatch& batch, const Moved& moved) {
   if (batch.clouds == 0) return;
   const Index groups = static_cast<Index>(batch.groups_of_cloud());
-  limit_points<<<batch.clouds * groups, kBlock, 0, context.stream()>>>(batch.spans, groups, batch.settings, moved);
-  check(cudaGetLastError(), "holding back outliers");
+  launch(context, "holding back outliers", limit_points, batch.clouds * groups, kBlock, batch.spans, groups,
+         batch.settings, moved);
 }
 
 }  // namespace pointfair::cuda

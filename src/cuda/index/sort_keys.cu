@@ -205,13 +205,12 @@ __global__ void __launch_bounds__(kKeyBlock)
 void lay_grid(Context& context, const Point* points, std::size_t count, float steps, KeyGrid* grid, CloudState* fresh) {
   const unsigned size = static_cast<unsigned>(std::min(count, std::size_t(kSample)));
   const std::size_t length = count / std::max(size, 1u);  // of a stretch
-  prepare<<<1, kPrepareBlock, 0, context.stream()>>>(OfStretches{points, length}, size, steps, grid, fresh);
-  check(cudaGetLastError(), "laying out the index");
+  launch(context, "laying out the index", prepare, 1, kPrepareBlock, OfStretches{points, length}, size, steps, grid,
+         fresh);
 }
 
 void lay_grid(Context& context, point::CurveCube cube, CloudState* fresh) {
-  lay_out<<<1, 1, 0, context.stream()>>>(cube, fresh);
-  check(cudaGetLastError(), "laying out the index");
+  launch(context, "laying out the index", lay_out, 1, 1, cube, fresh);
 }
 
 template <class Key, int kBits>

@@ -90,12 +90,10 @@ ScaleCounts count_scales(Context& context, const Tree& cloud) {
   DeviceArray<Index> counts(context);
   Pinned<ScaleCounts> fetched;
   counts.resize(net::kScales);
-  const cudaStream_t stream = context.stream();
-  check(cudaMemsetAsync(counts.data(), 0, sizeof(ScaleCounts), stream), "choosing coarse points");
-  count_points<<<blocks_for(cloud.leaves * kLeafSize, kBlock), kBlock, 0, stream>>>(cloud, counts.data());
-  check(cudaGetLastError(), "choosing coarse points");
-  check(cudaMemcpyAsync(fetched.get(), counts.data(), sizeof(ScaleCounts), cudaMemcpyDeviceToHost, stream),
-        "choosing coarse points");
+  counts.clear("choosing coarse points");
+  launch(context, "choosing coarse points", count_points, blocks_for(cloud.leaves * kLeafSize, kBlock), kBlock, cloud,
+         counts.data());
+  counts.download(*fetched.get(), "choosing coarse points");
   context.finish();
   return *fetched.get();
 }
@@ -109,21 +107,18 @@ void CoarsePoints::choose(const Tree& cloud, int scale, Index count, const Frame
   own_.resize(places);
   Index* const chosen = members_.data() + count;
   check(cudaMemsetAsync(chosen, 0, sizeof(Index), stream), "choosing coarse points");
-  choose_points<<<blocks_for(places, kBlock), kBlock, 0, stream>>>(cloud, share_of_scale(scale), points_.data(),
-                                                                   members_.data(), chosen);
-  check(cudaGetLastError(), "choosing coarse points");
+  launch(context_, "choosing coarse points", choose_points, blocks_for(places, kBlock), kBlock, cloud,
+         share_of_scale(scale), points_.data(), members_.data(), chosen);
   index_.build(points_.data(), count, frame);
   check(cudaMemsetAsync(own_.data(), 0xff, places * sizeof(Index), stream), "choosing coarse points");
-  link_places<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(index_.tree(), count, members_.data(), place_.data(),
-                                                                own_.data());
-  check(cudaGetLastError(), "choosing coarse points");
+  launch(context_, "choosing coarse points", link_places, blocks_for(count, kBlock), kBlock, index_.tree(), count,
+         members_.data(), place_.data(), own_.data());
 }
 
 void CoarsePoints::find_nearest(const Tree& cloud, Index* lists) const {
   const Tree coarse = index_.tree();
-  nearest_of_coarse<<<cloud.leaves, kWarp, 0, context_.stream()>>>(cloud, coarse, static_cast<Index>(index_.points()),
-                                                                   place_.data(), own_.data(), lists);
-  check(cudaGetLastError(), "searching coarse points");
+  launch(context_, "searching coarse points", nearest_of_coarse, cloud.leaves, kWarp, cloud, coarse,
+         static_cast<Index>(index_.points()), place_.data(), own_.data(), lists);
 }
 
 }  // namespace pointfair::cuda

@@ -368,30 +368,26 @@ __global__ void __launch_bounds__(kBlock)
 }  // namespace
 
 void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list) {
-  measure_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, scale, list);
-  check(cudaGetLastError(), "beginning the net");
+  launch(context, "beginning the net", measure_points, blocks_for(cloud.places, kBlock), kBlock, cloud, scale, list);
 }
 
 void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights) {
-  begin_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, weights);
-  check(cudaGetLastError(), "beginning the net");
+  launch(context, "beginning the net", begin_points, blocks_for(cloud.places, kBlock), kBlock, cloud, weights);
 }
 
 void store_for_neighbors(Context& context, const NetCloud& cloud, const net::Layer& layer) {
-  store_states<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer.other);
-  check(cudaGetLastError(), "running the net");
+  launch(context, "running the net", store_states, cloud.places / kWarp, kTile, cloud, layer.other);
 }
 
 void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list) {
   const auto kernel = layer.gate != nullptr ? layer_of_leaves<true> : layer_of_leaves<false>;
-  kernel<<<cloud.places / kWarp, kTile, 0, context.stream()>>>(cloud, layer, scale, list);
-  check(cudaGetLastError(), "running the net");
+  launch(context, "running the net", kernel, cloud.places / kWarp, kTile, cloud, layer, scale, list);
 }
 
 void end_net(Context& context, const NetCloud& cloud, const net::Weights& weights, const Tree& tree,
              const std::uint8_t* held, Point* out) {
-  end_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, weights, tree, held, out);
-  check(cudaGetLastError(), "ending the net");
+  launch(context, "ending the net", end_points, blocks_for(cloud.places, kBlock), kBlock, cloud, weights, tree, held,
+         out);
 }
 
 }  // namespace pointfair::cuda

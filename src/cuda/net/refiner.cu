@@ -58,9 +58,8 @@ void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
   classical_.resize(places);
   given_normal_.resize(places);
   measured_.resize(places);
-  gather_places<<<blocks_for(places, kBlock), kBlock, 0, context_.stream()>>>(index_.tree(), cloud, classical_.data(),
-                                                                              given_normal_.data(), measured_.data());
-  check(cudaGetLastError(), "beginning the net");
+  launch(context_, "beginning the net", gather_places, blocks_for(places, kBlock), kBlock, index_.tree(), cloud,
+         classical_.data(), given_normal_.data(), measured_.data());
 }
 
 void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* out, const std::stop_token& stop) {
@@ -165,14 +164,8 @@ NetCloud Refiner::view() const {
 }
 
 net::Weights Refiner::upload(const NetWeights& weights) {
-  weights_.resize(weights.numbers().size());
-  biases_.resize(weights.biases().size());
-  check(cudaMemcpyAsync(weights_.data(), weights.numbers().data(), weights.numbers().size(), cudaMemcpyHostToDevice,
-                        context_.stream()),
-        "uploading weights");
-  check(cudaMemcpyAsync(biases_.data(), weights.biases().data(), weights.biases().size_bytes(), cudaMemcpyHostToDevice,
-                        context_.stream()),
-        "uploading weights");
+  weights_.upload(weights.numbers(), "uploading weights");
+  biases_.upload(weights.biases(), "uploading weights");
   return weights.view_over(weights_.data(), biases_.data());
 }
 

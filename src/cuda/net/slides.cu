@@ -48,18 +48,15 @@ __global__ void __launch_bounds__(kBlock) place_slid_points(const __grid_constan
 }  // namespace
 
 void begin_slides(Context& context, const NetCloud& cloud) {
-  start_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud);
-  check(cudaGetLastError(), "beginning the net");
+  launch(context, "beginning the net", start_points, blocks_for(cloud.places, kBlock), kBlock, cloud);
 }
 
 void slide(Context& context, const NetCloud& cloud, const Index* list, const Vec* from, Vec* to) {
-  slide_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud, list, from, to);
-  check(cudaGetLastError(), "beginning the net");
+  launch(context, "beginning the net", slide_points, blocks_for(cloud.places, kBlock), kBlock, cloud, list, from, to);
 }
 
 void end_slides(Context& context, const NetCloud& cloud) {
-  place_slid_points<<<blocks_for(cloud.places, kBlock), kBlock, 0, context.stream()>>>(cloud);
-  check(cudaGetLastError(), "beginning the net");
+  launch(context, "beginning the net", place_slid_points, blocks_for(cloud.places, kBlock), kBlock, cloud);
 }
 
 }  // namespace pointfair::cuda

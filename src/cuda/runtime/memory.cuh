@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -130,14 +131,54 @@ class DeviceArray {
     std::swap(size_, other.size_);
     std::swap(capacity_, other.capacity_);
   }
+  // Start to copy from the host and, of its first values, to the host, in the order of the context's stream.
+  void upload(std::span<const T> from, const char* doing) {
+    resize(from.size());
+    copy(data_, from.data(), from.size(), cudaMemcpyHostToDevice, doing);
+  }
+  void download(std::span<T> to, const char* doing) const {
+    copy(to.data(), data_, to.size(), cudaMemcpyDeviceToHost, doing);
+  }
+  // Its first value; waits for the main stream.
+  T first(const char* doing) const {
+    T value{};
+    download({&value, 1}, doing);
+    context_->finish();
+    return value;
+  }
+  void clear(const char* doing) const {
+    if (size_ > 0) check(cudaMemsetAsync(data_, 0, size_ * sizeof(T), context_->stream()), doing);
+  }
   T* data() const { return data_; }
   std::size_t size() const { return size_; }
 
  private:
+  void copy(T* to, const T* from, std::size_t count, cudaMemcpyKind kind, const char* doing) const {
+    if (count > 0) check(cudaMemcpyAsync(to, from, count * sizeof(T), kind, context_->stream()), doing);
+  }
+
   Context* context_;
   T* data_ = nullptr;
   std::size_t size_ = 0, capacity_ = 0;
 };
+
+// Makes a call of CUB, which asks for as many bytes as it wants if it gets no memory.
+template <class Call>
+void with_scratch(Context& context, const char* doing, const Call& call) {
+  std::size_t bytes = 0;
+  check(call(nullptr, bytes), doing);
+  DeviceArray<std::byte> scratch(context);
+  scratch.resize(bytes);
+  check(call(scratch.data(), bytes), doing);
+}
+
+// Starts a kernel in the order of the context's stream.
+template <class... Parameters, class... Arguments>
+void launch(const Context& context, const char* doing, void (*kernel)(Parameters...), unsigned blocks, unsigned threads,
+            Arguments&&... arguments) {
+  kernel<<<blocks, threads, 0, context.stream()>>>(std::forward<Arguments>(arguments)...);
+  check(cudaGetLastError(), doing);
+}
 
 // Blocks of `per_block` that cover `count`.
 inline unsigned blocks_for(std::size_t count, std::size_t per_block) {

@@ -86,15 +86,14 @@ std::vector<std::uint8_t> surely_have_no_origin(Context& context, const DevicePo
                                                 std::size_t clouds) {
   std::vector<std::uint8_t> result(clouds);
   if (clouds == 0) return result;
-  const cudaStream_t stream = context.stream();
   DeviceArray<unsigned char> found(context);
   found.resize(clouds);
   with_type(points.type, [&]<class T>(T*) {
     look_for_origins<T>
-        <<<static_cast<unsigned>(clouds), kBlock, 0, stream>>>(rows_of<const T>(points), ends, found.data());
+        <<<static_cast<unsigned>(clouds), kBlock, 0, context.stream()>>>(rows_of<const T>(points), ends, found.data());
   });
   check(cudaGetLastError(), "looking for origins");
-  check(cudaMemcpyAsync(result.data(), found.data(), clouds, cudaMemcpyDeviceToHost, stream), "looking for origins");
+  found.download(result, "looking for origins");
   context.finish();
   return result;
 }

@@ -7,7 +7,7 @@ Stop StopLine::listen(const std::stop_token& stop, unsigned call) {
   if (!stop.stop_possible()) return {};
   if (heard_.size() == 0) {
     heard_.resize(1);
-    check(cudaMemsetAsync(heard_.data(), 0, sizeof(unsigned), context_.stream()), "preparing a stop");
+    heard_.clear("preparing a stop");
   }
   if (!callback_ || token_ != stop) {
     clear();
@@ -18,18 +18,13 @@ Stop StopLine::listen(const std::stop_token& stop, unsigned call) {
 }
 
 unsigned StopLine::given_up() {
-  if (!is_asked()) return 0;
-  unsigned call = 0;
-  check(cudaMemcpyAsync(&call, heard_.data(), sizeof(call), cudaMemcpyDeviceToHost, context_.stream()),
-        "asking for a stop");
-  context_.finish();
-  return call;
+  return is_asked() ? heard_.first("asking for a stop") : 0;
 }
 
 void StopLine::clear() {
   callback_.reset();
   if (!is_asked()) return;
-  check(cudaMemsetAsync(heard_.data(), 0, sizeof(unsigned), context_.stream()), "clearing a stop");
+  heard_.clear("clearing a stop");
   context_.finish();
   set_asked(0);
 }

@@ -80,15 +80,12 @@ void CloudSampler::collect(const Point* points, std::size_t count, Candidates wa
   for (;;) {
     const std::size_t room = candidates_.size();
     check(cudaMemsetAsync(&state_.data()->candidates, 0, sizeof(unsigned), stream), "sampling the cloud");
-    check(cudaMemsetAsync(candidates_.data(), 0, room * sizeof(SampleCandidate), stream), "sampling the cloud");
-    find_candidates<<<blocks, kBlock, 0, stream>>>(points, count, wanted, room, state_.data(), candidates_.data());
-    check(cudaGetLastError(), "sampling the cloud");
+    candidates_.clear("sampling the cloud");
+    launch(context_, "sampling the cloud", find_candidates, blocks, kBlock, points, count, wanted, room, state_.data(),
+           candidates_.data());
     fetched_.resize(room);
-    check(cudaMemcpyAsync(fetched_state_.get(), state_.data(), sizeof(SampleState), cudaMemcpyDeviceToHost, stream),
-          "sampling the cloud");
-    check(cudaMemcpyAsync(fetched_.get(), candidates_.data(), room * sizeof(SampleCandidate), cudaMemcpyDeviceToHost,
-                          stream),
-          "sampling the cloud");
+    state_.download({fetched_state_.get(), 1}, "sampling the cloud");
+    candidates_.download({fetched_.get(), room}, "sampling the cloud");
     context_.finish();
     if (fetched_state_.get()->candidates <= room) return;
     candidates_.resize(fetched_state_.get()->candidates);  // many points share a place
@@ -109,8 +106,7 @@ CloudSample CloudSampler::draw(const Point* points, std::size_t count, std::size
   candidates_.resize(std::max(kLeastRoom, 2 * wanted));
   const unsigned blocks = std::min(blocks_for(count, kBlock), static_cast<unsigned>(context_.processors() * kBlocks));
   clear_sample<<<1, kWarp, 0, context_.stream()>>>(state_.data());
-  find_bounds<<<blocks, kBlock, 0, context_.stream()>>>(points, count, state_.data());
-  check(cudaGetLastError(), "sampling the cloud");
+  launch(context_, "sampling the cloud", find_bounds, blocks, kBlock, points, count, state_.data());
   // as if all were valid, which is mostly enough
   Candidates collected = first_candidates(count, wanted);
   collect(points, count, collected);

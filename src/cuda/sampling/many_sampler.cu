@@ -29,16 +29,13 @@ void ManySampler::upload(const ManyClouds::Queries& queries, std::size_t at) {
 // A sample is copied with the bytes between its fields, which kernels do not write.
 void ManySampler::clear_noise(std::size_t count) {
   noise_.resize(count);
-  if (count == 0) return;
-  check(cudaMemsetAsync(noise_.data(), 0, count * sizeof(point::NoiseSample), context_.stream()), "clearing samples");
+  noise_.clear("clearing samples");
 }
 
 template <class T>
 void ManySampler::fetch(const DeviceArray<T>& from, Pinned<T>& to) {
-  if (from.size() == 0) return;
   to.resize(from.size());
-  check(cudaMemcpyAsync(to.get(), from.data(), from.size() * sizeof(T), cudaMemcpyDeviceToHost, context_.stream()),
-        "fetching samples");
+  from.download({to.get(), from.size()}, "fetching samples");
 }
 
 ManyClouds::Taken ManySampler::take(const Tree& tree, const Point* points, std::size_t clouds,
@@ -81,13 +78,9 @@ bool ManySampler::find_pools(const ManyClouds::Queries& for_noise, std::size_t c
   }
   if (noises == 0 || *std::max_element(ends.begin(), ends.end()) > kMostPooled) return false;
   for (std::size_t cloud = 1; cloud < clouds; ++cloud) ends[cloud] += ends[cloud - 1];
-  ends_.resize(clouds);
-  shows_.resize(noises);
   pools_.resize(noises * point::kPool);
-  check(cudaMemcpyAsync(ends_.data(), ends.data(), clouds * sizeof(Index), cudaMemcpyHostToDevice, context_.stream()),
-        "pooling samples");
-  check(cudaMemcpyAsync(shows_.data(), shows.data(), noises, cudaMemcpyHostToDevice, context_.stream()),
-        "pooling samples");
+  ends_.upload(ends, "pooling samples");
+  shows_.upload(shows, "pooling samples");
   cuda::find_pools(context_, {ends_.data(), clouds, shows_.data(), heads_.data()}, pools_.data());
   fetch(pools_, fetched_pools_);
   context_.finish();
@@ -114,9 +107,7 @@ void ManySampler::look_farther(const Tree& tree, const Point* points, const Many
     clear_noise(count);
     cuda::look_farther(context_, tree, points, queries_.data(), queries_.data() + count, count, noise_.data());
     found.resize(count);
-    check(cudaMemcpyAsync(found.data(), noise_.data(), count * sizeof(point::NoiseSample), cudaMemcpyDeviceToHost,
-                          context_.stream()),
-          "fetching samples");
+    noise_.download(found, "fetching samples");
     context_.finish();
     for (std::size_t n = 0; n < count; ++n) noise[short_ones[first + n]] = found[n];
   }

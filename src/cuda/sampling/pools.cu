@@ -83,8 +83,7 @@ __global__ void __launch_bounds__(kWarp)
 
 void find_pools(Context& context, const Poolable& samples, Index* pools) {
   if (samples.clouds == 0) return;
-  fill_pools<<<static_cast<unsigned>(samples.clouds), kBlock, 0, context.stream()>>>(samples, pools);
-  check(cudaGetLastError(), "pooling samples");
+  launch(context, "pooling samples", fill_pools, static_cast<unsigned>(samples.clouds), kBlock, samples, pools);
 }
 
 void find_pools(Context& context, const Point* rows, std::size_t row, const unsigned char* shows, std::size_t samples,

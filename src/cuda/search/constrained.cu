@@ -245,15 +245,13 @@ void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, N
                         Lists candidates, Index* list, Index* retries, float* mean_distance, const Stop& stop) {
   const cudaStream_t stream = context.stream();
   check(cudaMemsetAsync(&state->retries, 0, sizeof(Index), stream), "preparing constrained neighbourhoods");
-  grow_all<<<blocks_for(tree.leaves, kGrowBlock / kWarp), kGrowBlock, 0, stream>>>(
-      tree, state, query, reach, candidates, list, retries, mean_distance);
-  check(cudaGetLastError(), "growing constrained neighbourhoods");
+  launch(context, "growing constrained neighbourhoods", grow_all, blocks_for(tree.leaves, kGrowBlock / kWarp),
+         kGrowBlock, tree, state, query, reach, candidates, list, retries, mean_distance);
   const unsigned processors = unsigned(context.processors());
   const bool few = candidates.k < kWarp;
   if (few) {
-    grow_over_few<<<processors * kRetryBlocks, kRetryBlock, 0, stream>>>(tree, state, query, reach, list, retries,
-                                                                         stop);
-    check(cudaGetLastError(), "growing constrained neighbourhoods");
+    launch(context, "growing constrained neighbourhoods", grow_over_few, processors * kRetryBlocks, kRetryBlock, tree,
+           state, query, reach, list, retries, stop);
   }
   const std::size_t bytes = allow_list_memory(grow_over_many, 1, kLargestList);
   grow_over_many<<<processors * 8, kWarp, bytes, stream>>>(tree, state, query, reach, few ? kWarp : candidates.k, list,
@@ -262,8 +260,8 @@ void grow_neighborhoods(Context& context, const Tree& tree, CloudState* state, N
 }
 
 void measure_mean_distances(Context& context, const Tree& tree, Lists lists, float* mean_distance) {
-  mean_distances<<<blocks_for(tree.leaves, 4), 4 * kWarp, 0, context.stream()>>>(tree, lists, mean_distance);
-  check(cudaGetLastError(), "measuring mean distances");
+  launch(context, "measuring mean distances", mean_distances, blocks_for(tree.leaves, 4), 4 * kWarp, tree, lists,
+         mean_distance);
 }
 
 }  // namespace pointfair::cuda

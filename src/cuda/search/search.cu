@@ -204,8 +204,7 @@ void search_left(Context& context, const Tree& tree, LeafRange leaves, NearestQu
 
 void search_all(Context& context, const Tree& tree, NearestQuery query, Index* list, const Stop& stop) {
   const cudaStream_t stream = context.stream();
-  clear_lists_of_none<<<context.processors() * 8, 256, 0, stream>>>(tree, query.k, list);
-  check(cudaGetLastError(), "preparing the search");
+  launch(context, "preparing the search", clear_lists_of_none, context.processors() * 8, 256, tree, query.k, list);
   const int size = SharedList::size_for(query.k), warps = size <= 256 ? kSingleBlock / kWarp : 1;
   const std::size_t bytes = allow_list_memory(nearest_of_all, warps, size);
   nearest_of_all<<<unsigned(context.processors()) * 16, warps * kWarp, bytes, stream>>>(tree, query, size, list, stop);

@@ -266,15 +266,11 @@ void NeighborCollector::set_aside() {
 }
 
 std::size_t NeighborCollector::run(const std::function<void(const PartsRoom&)>& launch) {
-  check(cudaMemsetAsync(count_.data(), 0, sizeof(Index), context_.stream()), "preparing neighbourhoods");
+  count_.clear("preparing neighbourhoods");
   const Index capacity = static_cast<Index>(std::min<std::size_t>(room_.parts_.size(), point::kNoNeighbor));
   launch({room_.parts_.data(), room_.next_.data(), first_.data(), count_.data(), capacity});
   check(cudaGetLastError(), "collecting neighbourhoods");
-  Index count = 0;
-  check(cudaMemcpyAsync(&count, count_.data(), sizeof(count), cudaMemcpyDeviceToHost, context_.stream()),
-        "collecting neighbourhoods");
-  context_.finish();
-  return count;
+  return count_.first("collecting neighbourhoods");
 }
 
 void NeighborCollector::collect(const Tree& tree, const point::Radii& radii, std::size_t largest, const Stop& stop) {

@@ -125,14 +125,13 @@ class Solver {
   SolverReport solve(const std::stop_token& stop) {
     const cudaStream_t stream = context_.stream();
     // the host copies every byte
-    check(cudaMemsetAsync(state_.data(), 0, sizeof(SolverState), stream), "solving for all points");
+    state_.clear("solving for all points");
     start<<<blocks_, kSumThreads, 0, stream>>>(tree_, rows_, points_, sums_.data());
     note_start<<<1, kSumThreads, 0, stream>>>(sums_.data(), blocks_, state_.data());
     do {
       throw_if_stopped(stop);
       for (int i = 0; i < kIterationsAtOnce; ++i) iterate();
-      check(cudaMemcpyAsync(reached_.get(), state_.data(), sizeof(SolverState), cudaMemcpyDeviceToHost, stream),
-            "solving for all points");
+      state_.download({reached_.get(), 1}, "solving for all points");
       check(cudaStreamSynchronize(stream), "solving for all points");
     } while (!reached_.get()->done);
     const SolverState& reached = *reached_.get();
@@ -148,8 +147,8 @@ class Solver {
     note_step<<<1, kSumThreads, 0, stream>>>(sums_.data(), blocks_, state_.data());
     advance<<<blocks_, kSumThreads, 0, stream>>>(rows_, points_, state_.data(), sums_.data());
     note_left<<<1, kSumThreads, 0, stream>>>(sums_.data(), blocks_, state_.data());
-    turn<<<blocks_for(points_, kBlock), kBlock, 0, stream>>>(rows_, points_, state_.data());
-    check(cudaGetLastError(), "solving for all points");
+    launch(context_, "solving for all points", turn, blocks_for(points_, kBlock), kBlock, rows_, points_,
+           state_.data());
   }
 
   Context& context_;
@@ -171,9 +170,8 @@ SolverReport fair_implicitly(Context& context, const Tree& tree, const Lists& li
   const WeightedGraph graph(context, tree, lists, settings);
   Solver solver(context, tree, graph, settings.implicit_lambda * graph.lambda_unit());
   const SolverReport report = solver.solve(stop);
-  store<<<blocks_for(std::size_t(tree.leaves) * kLeafSize, kBlock), kBlock, 0, context.stream()>>>(
-      tree, solver.displacements(), settings.strength, faired);
-  check(cudaGetLastError(), "fairing");
+  launch(context, "fairing", store, blocks_for(std::size_t(tree.leaves) * kLeafSize, kBlock), kBlock, tree,
+         solver.displacements(), settings.strength, faired);
   bring_into_order(context, faired);
   return report;
 }

@@ -138,25 +138,19 @@ void bring_into_order(Context& context, FairedPoints faired) {
   const cudaStream_t stream = context.stream();
   const Index count = static_cast<Index>(faired.count);
   const int end = std::bit_width(count - 1), begin = std::max(end - 8, 0);
-  std::size_t bytes = 0;
-  DeviceArray<std::byte> scratch(context);
-  for (const bool sizing : {true, false}) {
-    check(cub::DeviceRadixSort::SortPairs(sizing ? nullptr : scratch.data(), bytes, faired.originals,
-                                          faired.staged_originals, faired.in_order, faired.staged, count, begin, end,
-                                          stream),
-          "bringing points into upload order");
-    if (sizing) scratch.resize(bytes);
-  }
-  scatter_staged<<<blocks_for(count, kBlock), kBlock, 0, stream>>>(faired);
-  check(cudaGetLastError(), "bringing points into upload order");
+  with_scratch(context, "bringing points into upload order", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortPairs(scratch, bytes, faired.originals, faired.staged_originals, faired.in_order,
+                                           faired.staged, count, begin, end, context.stream());
+  });
+  launch(context, "bringing points into upload order", scatter_staged, blocks_for(count, kBlock), kBlock, faired);
 }
 
 void estimate_normals(Context& context, const Tree& tree, CloudState* state, Lists lists, point::NormalWeights weights,
                       Normals normals) {
   const int k = lists.k;
   const auto kernel = k <= 8 ? listed_normals<8> : k <= 16 ? listed_normals<16> : listed_normals<0>;
-  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, state, lists, weights, normals);
-  check(cudaGetLastError(), "estimating normals");
+  launch(context, "estimating normals", kernel, blocks_for(tree.leaves, kWarps), kBlock, tree, state, lists, weights,
+         normals);
 }
 
 void fair(Context& context, const Tree& tree, Lists lists, Normals normals, AreaWeights areas,
@@ -166,9 +160,8 @@ void fair(Context& context, const Tree& tree, Lists lists, Normals normals, Area
   const auto kernel = k <= 8    ? (with ? listed_fairing<8, true> : listed_fairing<8, false>)
                       : k <= 16 ? (with ? listed_fairing<16, true> : listed_fairing<16, false>)
                                 : (with ? listed_fairing<0, true> : listed_fairing<0, false>);
-  kernel<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, lists, normals, areas, weights,
-                                                                           faired);
-  check(cudaGetLastError(), "fairing");
+  launch(context, "fairing", kernel, blocks_for(tree.leaves, kWarps), kBlock, tree, lists, normals, areas, weights,
+         faired);
   bring_into_order(context, faired);
 }
 
@@ -186,8 +179,8 @@ void estimate_normals_and_fair(Context& context, const Tree& tree, CloudState* s
 }
 
 void restore_order(Context& context, const Tree& tree, Normals normals, std::size_t count, Point* out) {
-  scatter_normals<<<blocks_for(count, kBlock), kBlock, 0, context.stream()>>>(tree, normals, count, out);
-  check(cudaGetLastError(), "bringing normals into upload order");
+  launch(context, "bringing normals into upload order", scatter_normals, blocks_for(count, kBlock), kBlock, tree,
+         normals, count, out);
 }
 
 }  // namespace pointfair::cuda

@@ -53,29 +53,16 @@ __global__ void __launch_bounds__(kBlock) put_boundary_back(const __grid_constan
 }  // namespace
 
 MeshOnCard::MeshOnCard(Context& context)
-    : context_(context),
-      vertex_(context),
-      first_(context),
-      neighbors_(context),
-      begin_(context),
-      is_boundary_(context) {}
-
-template <class T>
-void MeshOnCard::upload(DeviceArray<T>& to, const platform::LargeVector<T>& from) {
-  to.resize(from.size());
-  if (from.empty()) return;
-  check(cudaMemcpyAsync(to.data(), from.data(), from.size() * sizeof(T), cudaMemcpyHostToDevice, context_.stream()),
-        "uploading edges");
-}
+    : vertex_(context), first_(context), neighbors_(context), begin_(context), is_boundary_(context) {}
 
 MeshView MeshOnCard::of(const std::shared_ptr<const MeshEdges>& edges) {
   if (edges != edges_) {
     edges_.reset();  // if memory is short
-    upload(vertex_, edges->vertex);
-    upload(first_, edges->first);
-    upload(begin_, edges->begin);
-    upload(neighbors_, edges->neighbors);
-    upload(is_boundary_, edges->is_boundary);
+    vertex_.upload(edges->vertex, "uploading edges");
+    first_.upload(edges->first, "uploading edges");
+    begin_.upload(edges->begin, "uploading edges");
+    neighbors_.upload(edges->neighbors, "uploading edges");
+    is_boundary_.upload(edges->is_boundary, "uploading edges");
     edges_ = edges;
   }
   return {vertex_.data(),      first_.data(),     begin_.data(),    neighbors_.data(),
@@ -93,16 +80,15 @@ SortedEdgesView SortedEdges::find(const Tree& tree, const MeshView& mesh) {
     check(cudaMemsetAsync(place_.data(), 0xff, mesh.vertices * sizeof(Index), stream), "finding vertices");
   place_vertices<<<blocks_for(places, kBlock), kBlock, 0, stream>>>(tree, mesh, place_.data());
   place_neighbors<<<blocks_for(mesh.edge_ends, kBlock), kBlock, 0, stream>>>(mesh, place_.data(), there_.data());
-  find_ends<<<blocks_for(places, kBlock), kBlock, 0, stream>>>(tree, mesh, place_.data(), of_.data());
-  check(cudaGetLastError(), "finding vertices");
+  launch(context_, "finding vertices", find_ends, blocks_for(places, kBlock), kBlock, tree, mesh, place_.data(),
+         of_.data());
   return {of_.data(), there_.data()};
 }
 
 void keep_boundary(Context& context, const Tree& tree, const MeshView& mesh, Normals normals, Point* faired,
                    unsigned long long* held) {
-  put_boundary_back<<<blocks_for(std::size_t(tree.leaves) * kLeafSize, kBlock), kBlock, 0, context.stream()>>>(
-      tree, mesh, normals, faired, held);
-  check(cudaGetLastError(), "keeping the boundary");
+  launch(context, "keeping the boundary", put_boundary_back, blocks_for(std::size_t(tree.leaves) * kLeafSize, kBlock),
+         kBlock, tree, mesh, normals, faired, held);
 }
 
 }  // namespace pointfair::cuda

@@ -28,10 +28,6 @@ class MeshOnCard {
   MeshView of(const std::shared_ptr<const MeshEdges>& edges);
 
  private:
-  template <class T>
-  void upload(DeviceArray<T>& to, const platform::LargeVector<T>& from);
-
-  Context& context_;
   std::shared_ptr<const MeshEdges> edges_;  // which are in
   DeviceArray<Index> vertex_, first_, neighbors_;
   DeviceArray<std::uint64_t> begin_;

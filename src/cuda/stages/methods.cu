@@ -70,12 +70,10 @@ auto moving(Adjustment by) {
 void fair_by_method(Context& context, const Tree& tree, Surroundings surroundings, Normals normals, AreaWeights areas,
                     const MethodRule& rule, const point::Sensors& sensors, Normals displacements, FairedPoints faired) {
   for_way(surroundings, [&]<class Neighbors>(By<Neighbors>) {
-    displacing<Neighbors>(rule.displacement)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, normals, areas, rule, displacements);
-    check(cudaGetLastError(), "displacing points");
-    moving<Neighbors>(rule.adjustment)<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(
-        tree, surroundings, displacements, areas, rule, sensors, faired);
-    check(cudaGetLastError(), "fairing");
+    launch(context, "displacing points", displacing<Neighbors>(rule.displacement), blocks_for(tree.leaves, kWarps),
+           kBlock, tree, surroundings, normals, areas, rule, displacements);
+    launch(context, "fairing", moving<Neighbors>(rule.adjustment), blocks_for(tree.leaves, kWarps), kBlock, tree,
+           surroundings, displacements, areas, rule, sensors, faired);
   });
   bring_into_order(context, faired);
 }

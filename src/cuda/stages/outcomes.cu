@@ -141,9 +141,8 @@ void find_outcomes(Context& context, const Tree& tree, Surroundings surroundings
     unite_read<<<blocks, kBlock, 0, stream>>>(places, neighborhood, least, true, mean);
     survey_all(surroundings, mean, least);
   }
-  write_outcomes<<<blocks, kBlock, 0, stream>>>(tree, normals, neighborhood, normal, least, counts, is_short.data(),
-                                                out);
-  check(cudaGetLastError(), "finding outcomes");
+  launch(context, "finding outcomes", write_outcomes, blocks, kBlock, tree, normals, neighborhood, normal, least,
+         counts, is_short.data(), out);
 }
 
 }  // namespace pointfair::cuda

@@ -37,8 +37,8 @@ __global__ void __launch_bounds__(kBlock)
 
 void hold_back(Context& context, HeldBack points, Point* out, std::uint8_t* outliers, OutlierTotals* totals) {
   if (points.count == 0) return;
-  limit_points<<<blocks_for(points.count, kBlock), kBlock, 0, context.stream()>>>(points, out, outliers, totals);
-  check(cudaGetLastError(), "holding back outliers");
+  launch(context, "holding back outliers", limit_points, blocks_for(points.count, kBlock), kBlock, points, out,
+         outliers, totals);
 }
 
 }  // namespace pointfair::cuda

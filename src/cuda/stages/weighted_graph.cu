@@ -127,12 +127,11 @@ WeightedGraph::WeightedGraph(Context& context, const Tree& tree, const Lists& li
   GraphEntry* const entries = reinterpret_cast<GraphEntry*>(entries_.data());
   find_rows<<<blocks_for(places_ + 1, kBlock), kBlock, 0, stream>>>(keys.data(), keys.size(), shape, places_,
                                                                     begin_.data());
-  merge_rows<<<blocks, kBlock, 0, stream>>>(keys.data(), shape, places_, begin_.data(), entries, count_.data());
-  check(cudaGetLastError(), "joining neighbours");
+  launch(context, "joining neighbours", merge_rows, blocks, kBlock, keys.data(), shape, places_, begin_.data(), entries,
+         count_.data());
   const double length = settings.implicit_weights == ImplicitWeights::scale ? mean_length(tree, keys) : 0;
-  weigh_rows<<<blocks, kBlock, 0, stream>>>(tree, places_, edge_rule(settings, length), begin_.data(), count_.data(),
-                                            entries, mass_.data(), weight_sum_.data());
-  check(cudaGetLastError(), "weighing edges");
+  launch(context, "weighing edges", weigh_rows, blocks, kBlock, tree, places_, edge_rule(settings, length),
+         begin_.data(), count_.data(), entries, mass_.data(), weight_sum_.data());
   lambda_unit_ = pointfair::lambda_unit(settings, length);
 }
 
@@ -143,14 +142,9 @@ void WeightedGraph::sort_entries(const Tree& tree, const Lists& lists, Keys& key
   list_keys<<<blocks_for(places_, kBlock), kBlock, 0, context_.stream()>>>(tree, lists, {bits_}, keys.data());
   check(cudaGetLastError(), "joining neighbours");
   cub::DoubleBuffer<EntryKey> buffers(keys.data(), entries_.data());
-  std::size_t bytes = 0;
-  DeviceArray<std::byte> scratch(context_);
-  for (const bool sizing : {true, false}) {
-    check(cub::DeviceRadixSort::SortKeys(sizing ? nullptr : scratch.data(), bytes, buffers, count, 0, 2 * bits_,
-                                         context_.stream()),
-          "sorting neighbours");
-    if (sizing) scratch.resize(bytes);
-  }
+  with_scratch(context_, "sorting neighbours", [&](void* scratch, std::size_t& bytes) {
+    return cub::DeviceRadixSort::SortKeys(scratch, bytes, buffers, count, 0, 2 * bits_, context_.stream());
+  });
   if (buffers.Current() != keys.data()) keys.swap(entries_);
 }
 
@@ -161,8 +155,7 @@ double WeightedGraph::mean_length(const Tree& tree, const Keys& keys) {
   double* const mean = sums.data() + 2 * blocks;
   sum_lengths<<<static_cast<unsigned>(blocks), kSumThreads, 0, context_.stream()>>>(
       tree, keys.data(), {bits_}, begin_.data(), places_, sums.data());
-  add_lengths<<<1, kSumThreads, 0, context_.stream()>>>(sums.data(), blocks, mean);
-  check(cudaGetLastError(), "measuring edges");
+  launch(context_, "measuring edges", add_lengths, 1, kSumThreads, sums.data(), blocks, mean);
   Pinned<double> result;
   check(cudaMemcpyAsync(result.get(), mean, sizeof(double), cudaMemcpyDeviceToHost, context_.stream()),
         "measuring edges");

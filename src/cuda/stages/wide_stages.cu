@@ -192,15 +192,14 @@ void survey(Context& context, const Tree& tree, Surroundings surroundings, const
 }
 
 void measure_levels(Context& context, const Tree& tree, point::NodeField field, float* squared_level) {
-  levels<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, field, squared_level);
-  check(cudaGetLastError(), "measuring levels of noise");
+  launch(context, "measuring levels of noise", levels, blocks_for(tree.leaves, kWarps), kBlock, tree, field,
+         squared_level);
 }
 
 void measure_radii(Context& context, const Tree& tree, Lists nearest, const point::Radii& of,
                    point::NodeField reach_levels, float* squared_radius, float* further_share) {
-  radii<<<blocks_for(tree.leaves, kWarps), kBlock, 0, context.stream()>>>(tree, nearest, of, reach_levels,
-                                                                          squared_radius, further_share);
-  check(cudaGetLastError(), "measuring radii");
+  launch(context, "measuring radii", radii, blocks_for(tree.leaves, kWarps), kBlock, tree, nearest, of, reach_levels,
+         squared_radius, further_share);
 }
 
 void estimate_wide_normals(Context& context, const Tree& tree, CloudState* state, Surroundings surroundings,

@@ -188,8 +188,8 @@ void GatheredTiles::begin(const Point* input, std::size_t count, Point* results)
   results_ = results;
   done_.resize(count);
   if (count == 0) return;
-  begin_all<<<blocks_for(count, kBlock), kBlock, 0, context_.stream()>>>(input, count, results, done_.data());
-  check(cudaGetLastError(), "preparing tiles");
+  launch(context_, "preparing tiles", begin_all, blocks_for(count, kBlock), kBlock, input, count, results,
+         done_.data());
 }
 
 std::vector<std::size_t> GatheredTiles::gather(std::span<const DeviceTile> tiles) {
@@ -199,13 +199,10 @@ std::vector<std::size_t> GatheredTiles::gather(std::span<const DeviceTile> tiles
   Regions regions{};
   for (const DeviceTile& tile : tiles) regions.of[regions.count++] = tile.loaded;
   totals_.resize(kMost);
-  check(cudaMemsetAsync(totals_.data(), 0, kMost * sizeof(unsigned), stream), "counting points of tiles");
-  count_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions, totals_.data());
-  check(cudaGetLastError(), "counting points of tiles");
-  check(
-      cudaMemcpyAsync(fetched_totals_.get(), totals_.data(), kMost * sizeof(unsigned), cudaMemcpyDeviceToHost, stream),
-      "counting points of tiles");
-  check(cudaMemsetAsync(totals_.data(), 0, kMost * sizeof(unsigned), stream), "gathering points of tiles");
+  totals_.clear("counting points of tiles");
+  launch(context_, "counting points of tiles", count_inside, blocks, kBlock, input_, count_, regions, totals_.data());
+  totals_.download({fetched_totals_.get(), kMost}, "counting points of tiles");
+  totals_.clear("gathering points of tiles");
   context_.finish();
   const std::vector<std::size_t> counts(fetched_totals_.get(), fetched_totals_.get() + tiles.size());
   starts_.assign(1, 0);
@@ -215,9 +212,8 @@ std::vector<std::size_t> GatheredTiles::gather(std::span<const DeviceTile> tiles
   outcomes_.resize(starts_.back());
   Starts starts{};
   std::copy_n(starts_.begin(), tiles.size(), starts.of);
-  append_inside<<<blocks, kBlock, 0, stream>>>(input_, count_, regions, starts, totals_.data(), indices_.data(),
-                                               points_.data());
-  check(cudaGetLastError(), "gathering points of tiles");
+  launch(context_, "gathering points of tiles", append_inside, blocks, kBlock, input_, count_, regions, starts,
+         totals_.data(), indices_.data(), points_.data());
   there_.record(stream);
   return counts;
 }
@@ -240,13 +236,10 @@ std::vector<TileTally> GatheredTiles::scatter() {
   tallies_.resize(kMost);
   clear_tallies<<<1, kMost, 0, stream>>>(tallies_.data());
   for (std::size_t tile = 0; tile < tiles_.size(); ++tile)
-    take_results<<<blocks_for(size_of(tile), kBlock), kBlock, 0, stream>>>(
-        input_, results_, done_.data(), tiles_[tile].cell, size_of(tile), indices_.data() + starts_[tile],
-        points_.data() + starts_[tile], outcomes_.data() + starts_[tile], tallies_.data() + tile);
-  check(cudaGetLastError(), "taking the results of tiles");
-  check(cudaMemcpyAsync(fetched_tallies_.get(), tallies_.data(), kMost * sizeof(TallyOnCard), cudaMemcpyDeviceToHost,
-                        stream),
-        "taking the results of tiles");
+    launch(context_, "taking the results of tiles", take_results, blocks_for(size_of(tile), kBlock), kBlock, input_,
+           results_, done_.data(), tiles_[tile].cell, size_of(tile), indices_.data() + starts_[tile],
+           points_.data() + starts_[tile], outcomes_.data() + starts_[tile], tallies_.data() + tile);
+  tallies_.download({fetched_tallies_.get(), kMost}, "taking the results of tiles");
   context_.finish();
   std::vector<TileTally> tallies;
   for (std::size_t tile = 0; tile < tiles_.size(); ++tile) tallies.push_back(to_host(fetched_tallies_.get()[tile]));

@@ -17,7 +17,6 @@ namespace pointfair::io::e57 {
 namespace {
 
 constexpr std::size_t kHeaderSize = 48;
-constexpr bool kSwap = std::endian::native == std::endian::big;
 
 std::string_view trimmed(std::string_view text) {
   const auto begin = text.find_first_not_of(" \t\r\n"), end = text.find_last_not_of(" \t\r\n");
@@ -172,7 +171,7 @@ class Parser {
 FileHeader parse_file_header(std::string_view file, const std::string& name) {
   if (!file.starts_with("ASTM-E57")) fail(name, "is no E57 file: it does not begin with ASTM-E57; choose another file");
   if (file.size() < kPage) fail(name, "the file ends within its first page; copy it again");
-  const auto number = [&](std::size_t at) { return load<std::uint64_t>(file.data() + at, kSwap); };
+  const auto number = [&](std::size_t at) { return load_little<std::uint64_t>(file.data() + at); };
   const std::uint64_t length = number(16), xml_begin = number(24), xml_length = number(32), page = number(40);
   if (page != kPage) fail(name, "has pages of " + std::to_string(page) + " bytes; only pages of 1024 are known");
   if (length > file.size())

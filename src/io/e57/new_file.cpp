@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "io/box_of.hpp"
 #include "io/colors.hpp"
 #include "io/e57/extension.hpp"
 #include "io/e57/pages.hpp"
@@ -15,7 +16,6 @@ namespace pointfair::io {
 namespace e57 {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
 constexpr std::size_t kFileHeader = 48, kSectionHeader = 32, kPacketHeader = 6, kMostOfPacket = 65536;
 
 // One field of the records: its values, and how they are stored.
@@ -29,13 +29,6 @@ struct NewField {
 
   unsigned bits() const { return is_state ? 2 : static_cast<unsigned>(8 * size_of(type)); }
 };
-
-template <class T>
-void append(std::string& to, T value) {
-  char bytes[sizeof value];
-  copy_scalar(bytes, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
-  to.append(bytes, sizeof bytes);
-}
 
 // Takes logical bytes and writes pages with their checksums.
 class PageWriter {
@@ -155,14 +148,14 @@ class NewFile {
     const std::uint64_t xml_begin = kFileHeader + section, end = xml_begin + text.size();
     PageWriter pages(out);
     std::string front("ASTM-E57\1\0\0\0\0\0\0\0", 16);
-    append(front, (end + kPayload - 1) / kPayload * kPage);
-    append(front, to_physical(xml_begin));
-    append(front, std::uint64_t{text.size()});
-    append(front, std::uint64_t{kPage});
+    append_little(front, (end + kPayload - 1) / kPayload * kPage);
+    append_little(front, to_physical(xml_begin));
+    append_little(front, std::uint64_t{text.size()});
+    append_little(front, std::uint64_t{kPage});
     front += std::string("\1\0\0\0\0\0\0\0", 8);
-    append(front, section);
-    append(front, to_physical(kFileHeader + kSectionHeader));
-    append(front, std::uint64_t{0});  // no index: readers go from packet to packet
+    append_little(front, section);
+    append_little(front, to_physical(kFileHeader + kSectionHeader));
+    append_little(front, std::uint64_t{0});  // no index: readers go from packet to packet
     pages.write(front);
     for (std::uint64_t packet = 0; packet < packets; ++packet)
       pages.write(packet_of(packet * records_, packet + 1 < packets ? records_ : last));
@@ -211,9 +204,10 @@ class NewFile {
 
   std::string packet_of(std::uint64_t first, std::uint64_t count) const {
     std::string packet("\1\0", 2);
-    append(packet, static_cast<std::uint16_t>(packet_size(count) - 1));
-    append(packet, static_cast<std::uint16_t>(fields_.size()));
-    for (const NewField& field : fields_) append(packet, static_cast<std::uint16_t>((count * field.bits() + 7) / 8));
+    append_little(packet, static_cast<std::uint16_t>(packet_size(count) - 1));
+    append_little(packet, static_cast<std::uint16_t>(fields_.size()));
+    for (const NewField& field : fields_)
+      append_little(packet, static_cast<std::uint16_t>((count * field.bits() + 7) / 8));
     for (const NewField& field : fields_) append_stream(field, first, count, packet);
     packet.resize(packet_size(count));
     return packet;
@@ -228,12 +222,12 @@ class NewFile {
       for (std::uint64_t i = 0; i < count; ++i, from += field.stride) {
         if (is_coordinate) {
           const double value = load<double>(from, false);
-          append(to, static_cast<T>(std::isfinite(value) ? value : 0));
+          append_little(to, static_cast<T>(std::isfinite(value) ? value : 0));
         } else if constexpr (std::is_integral_v<T>) {  // stored from the minimum on
-          append(to, static_cast<std::make_unsigned_t<T>>(static_cast<std::uint64_t>(load<T>(from, false)) -
-                                                          static_cast<std::uint64_t>(field.minimum)));
+          append_little(to, static_cast<std::make_unsigned_t<T>>(static_cast<std::uint64_t>(load<T>(from, false)) -
+                                                                 static_cast<std::uint64_t>(field.minimum)));
         } else {
-          append(to, load<T>(from, false));
+          append_little(to, load<T>(from, false));
         }
       }
     });
@@ -281,22 +275,15 @@ class NewFile {
   }
 
   std::string bounds() const {
-    Position low, high;
-    low.fill(std::numeric_limits<double>::infinity());
-    high.fill(-std::numeric_limits<double>::infinity());
-    for (const Position& p : table_.positions) {
-      if (!std::isfinite(p[0] + p[1] + p[2])) continue;
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        low[axis] = std::min(low[axis], p[axis]);
-        high[axis] = std::max(high[axis], p[axis]);
-      }
-    }
-    if (low[0] > high[0]) return {};
+    BoxOf<double> box;
+    for (const Position& p : table_.positions)
+      if (std::isfinite(p[0] + p[1] + p[2])) box.add(p);
+    if (box.is_empty()) return {};
     std::string text = "<cartesianBounds type=\"Structure\">\n";
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string name(1, "xyz"[axis]);
-      text += element(name + "Minimum", "Float", number(low[axis])) +
-              element(name + "Maximum", "Float", number(high[axis]));
+      text += element(name + "Minimum", "Float", number(box.min[axis])) +
+              element(name + "Maximum", "Float", number(box.max[axis]));
     }
     return text + "</cartesianBounds>\n";
   }

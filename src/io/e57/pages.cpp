@@ -13,7 +13,7 @@
 namespace pointfair::io::e57 {
 namespace {
 
-constexpr bool kSwapBig = std::endian::native == std::endian::little;  // checksums are big endian, all else little
+constexpr bool kSwapBig = !kBigEndian;  // checksums are big endian, all else little
 
 // Eight bytes a step: table t holds the effect of a byte that t bytes follow.
 using Tables = std::array<std::array<std::uint32_t, 256>, 8>;

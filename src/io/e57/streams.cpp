@@ -10,7 +10,6 @@
 namespace pointfair::io::e57 {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
 constexpr std::size_t kSectionHeader = 32, kPacketHeader = 6;
 constexpr unsigned char kPointsSection = 1, kDataPacket = 1;
 
@@ -42,7 +41,7 @@ class PacketReader {
     if (at + sizeof(T) > size_) fail_damaged();
     char bytes[sizeof(T)];
     read_pages(file_, 0, at, sizeof(T), bytes);
-    return load<T>(bytes, kSwap);
+    return load_little<T>(bytes);
   }
 
   // Where its packets begin and end.

@@ -14,7 +14,6 @@
 namespace pointfair::io::e57 {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
 constexpr std::size_t kWindow = 1024 * kPage;  // bytes of the file that are made at once
 
 // The bits of the value that is nearest to `value` among those that the field can hold.
@@ -116,8 +115,8 @@ class E57Writer {
   // The lengths of the file and of its XML section.
   void put_header(std::string& buffer) const {
     const std::uint64_t length = tail_begin_ + tail_.size();
-    copy_scalar(buffer.data() + 16, reinterpret_cast<const char*>(&length), sizeof length, kSwap);
-    copy_scalar(buffer.data() + 32, reinterpret_cast<const char*>(&xml_length_), sizeof xml_length_, kSwap);
+    store_little(buffer.data() + 16, length);
+    store_little(buffer.data() + 32, xml_length_);
   }
 
   static std::vector<Overlap> overlaps(const std::vector<Piece>& pieces, std::uint64_t from, std::uint64_t to) {

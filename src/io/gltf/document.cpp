@@ -12,12 +12,11 @@
 namespace pointfair::io::gltf {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
 constexpr std::string_view kData = "data:";  // begins a URI that is the data
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A, kBinaryChunk = 0x004E4942;
 
 std::uint32_t number_at(std::string_view bytes, std::size_t place) {
-  return load<std::uint32_t>(bytes.data() + place, kSwap);
+  return load_little<std::uint32_t>(bytes.data() + place);
 }
 
 std::optional<std::string> from_base64(std::string_view text) {
@@ -82,7 +81,7 @@ NativeType type_of(std::size_t component_type) {
 }  // namespace
 
 double Values::at(std::size_t element, std::size_t component) const {
-  const double value = load_double(bytes.data() + element * stride + component * size_of(type), type, kSwap);
+  const double value = load_double(bytes.data() + element * stride + component * size_of(type), type, kBigEndian);
   if (!normalized) return value;
   return with_type(type, [&](auto tag) {
     using T = decltype(tag);

@@ -48,7 +48,7 @@ void widen(const char* from, unsigned format, std::size_t extra, char* to) {
   to[16] = static_cast<char>(classes & 31);
   to[17] = from[17];
   const double degrees = static_cast<signed char>(from[16]);
-  store_double(to + 18, NativeType::int16, kSwap, degrees / kDegreesPerAngle);
+  store_double(to + 18, NativeType::int16, kBigEndian, degrees / kDegreesPerAngle);
   std::memcpy(to + 20, from + 18, 2);
   const bool has_time = format == 1 || format == 3, has_color = format >= 2;
   if (has_time) std::memcpy(to + 22, from + 20, 8);
@@ -91,7 +91,7 @@ class CopcFile {
     for (const std::size_t size : sizes) end += size;
     const std::string table = chunk_table(compression_, sizes, counts);
     std::string place;
-    append(place, end);
+    append_little(place, end);
     out.patch(front.size(), place);
     out.write(table);
     end += table.size();
@@ -108,33 +108,26 @@ class CopcFile {
   const char* record(std::size_t i) const { return records_.data() + i * header_.record_length; }
 
   Position position(std::size_t i) const {
-    Position result;
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      result[axis] = header_.scaling.value(axis, load<std::int32_t>(record(i) + 4 * axis, kSwap));
-    return result;
+    const Grid grid = get_grid(record(i));
+    const Scaling& its = header_.scaling;
+    return {its.value(0, grid[0]), its.value(1, grid[1]), its.value(2, grid[2])};
   }
 
   // The bounds and the numbers of returns that the header says.
   void see_points() {
-    min_.fill(std::numeric_limits<double>::infinity());
-    max_.fill(-std::numeric_limits<double>::infinity());
     const unsigned old = header_.point_format;
     const bool has_time = old == 1 || old == 3 || old >= 6;
     const std::size_t time_at = old >= 6 ? 22 : 20;
     for (std::size_t i = 0; i < header_.count; ++i) {
-      const Position p = position(i);
-      for (std::size_t axis = 0; axis < 3; ++axis) {
-        min_[axis] = std::min(min_[axis], p[axis]);
-        max_[axis] = std::max(max_[axis], p[axis]);
-      }
+      box_.add(position(i));
       ++returns_[static_cast<unsigned char>(record(i)[14]) & (old >= 6 ? 15 : 7)];
-      const double time = has_time ? load<double>(record(i) + time_at, kSwap) : 0;
+      const double time = has_time ? load_little<double>(record(i) + time_at) : 0;
       if (!std::isfinite(time)) continue;
       least_time_ = std::min(least_time_, time);
       most_time_ = std::max(most_time_, time);
     }
     if (least_time_ > most_time_) least_time_ = most_time_ = 0;
-    cube_ = cube_around(min_, max_);
+    cube_ = cube_around(box_.min, box_.max);
   }
 
   std::string records_of(const OctreeNode& node) const {
@@ -167,8 +160,8 @@ class CopcFile {
     put<std::uint8_t>(front, place::point_format, static_cast<std::uint8_t>(format_ | 0x80));
     put(front, place::record_length, static_cast<std::uint16_t>(record_length_));
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      put(front, place::bounds + 16 * axis, max_[axis]);
-      put(front, place::bounds + 16 * axis + 8, min_[axis]);
+      put(front, place::bounds + 16 * axis, box_.max[axis]);
+      put(front, place::bounds + 16 * axis + 8, box_.min[axis]);
     }
     put<std::uint64_t>(front, place::waveform_begin, 0);
     put(front, place::count, header_.count);
@@ -193,11 +186,11 @@ class CopcFile {
   std::string info() const {
     std::string data;
     for (const double value : {cube_.center[0], cube_.center[1], cube_.center[2], cube_.half_side, cube_.spacing})
-      append(data, value);
-    append(data, std::uint64_t{0});  // where the hierarchy is, and its size: known in the end
-    append(data, std::uint64_t{0});
-    append(data, least_time_);
-    append(data, most_time_);
+      append_little(data, value);
+    append_little(data, std::uint64_t{0});  // where the hierarchy is, and its size: known in the end
+    append_little(data, std::uint64_t{0});
+    append_little(data, least_time_);
+    append_little(data, most_time_);
     data.resize(kInfoSize);
     return data;
   }
@@ -206,11 +199,11 @@ class CopcFile {
   std::string hierarchy_of(const std::vector<std::size_t>& sizes, std::uint64_t begin) const {
     std::string page;
     for (std::size_t n = 0; n < nodes_.size(); ++n) {
-      append(page, nodes_[n].level);
-      for (const std::int32_t at : nodes_[n].at) append(page, at);
-      append(page, begin);
-      append(page, static_cast<std::int32_t>(sizes[n]));
-      append(page, static_cast<std::int32_t>(nodes_[n].points.size()));
+      append_little(page, nodes_[n].level);
+      for (const std::int32_t at : nodes_[n].at) append_little(page, at);
+      append_little(page, begin);
+      append_little(page, static_cast<std::int32_t>(sizes[n]));
+      append_little(page, static_cast<std::int32_t>(nodes_[n].points.size()));
       begin += sizes[n];
     }
     return page;
@@ -232,7 +225,7 @@ class CopcFile {
   std::size_t extra_, record_length_;
   std::string_view records_;
   Compression compression_;
-  Position min_{}, max_{};
+  BoxOf<double> box_;
   std::array<std::uint64_t, 16> returns_{};
   double least_time_ = std::numeric_limits<double>::infinity(), most_time_ = -least_time_;
   Cube cube_;

@@ -186,10 +186,10 @@ void extract_field(const Field& field, const char* records, std::size_t record_l
     }
     for (std::uint32_t c = 0; c < field.components; ++c, from += size, to += shown_size) {
       if (field.scaled) {
-        const double value = load_double(from, field.stored, kSwap) * field.scale[c] + field.add[c];
+        const double value = load_double(from, field.stored, kBigEndian) * field.scale[c] + field.add[c];
         std::memcpy(to, &value, sizeof value);
       } else {
-        copy_scalar(to, from, size, kSwap);
+        copy_scalar(to, from, size, kBigEndian);
       }
     }
   }

@@ -7,7 +7,6 @@
 #include <vector>
 
 #include "io/las/header.hpp"
-#include "io/las/record_bytes.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io::las {

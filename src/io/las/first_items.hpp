@@ -10,7 +10,7 @@
 #include "io/las/byte_coding.hpp"
 #include "io/las/grid.hpp"
 #include "io/las/integer_coder.hpp"
-#include "io/las/record_bytes.hpp"
+#include "io/scalar.hpp"
 
 namespace pointfair::io::las {
 

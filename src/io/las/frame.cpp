@@ -10,10 +10,10 @@ namespace pointfair::io::las {
 
 std::string make_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
   std::string record;
-  append<std::uint16_t>(record, 0);
+  append_little<std::uint16_t>(record, 0);
   record.append(user.substr(0, 16)).resize(2 + 16);
-  append(record, static_cast<std::uint16_t>(id));
-  append(record, static_cast<std::uint16_t>(data.size()));
+  append_little(record, static_cast<std::uint16_t>(id));
+  append_little(record, static_cast<std::uint16_t>(data.size()));
   record.append(description.substr(0, 32)).resize(22 + 32);
   return record.append(data);
 }

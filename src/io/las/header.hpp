@@ -3,7 +3,6 @@
 // LAS 1.0 to 1.5. Whoever writes keeps the bytes, so only what is needed is read.
 #pragma once
 
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -15,20 +14,21 @@
 
 namespace pointfair::io::las {
 
-inline constexpr bool kSwap = std::endian::native == std::endian::big;  // LAS is little endian
-
 template <class T>
 T get(std::string_view bytes, std::size_t place) {
-  return load<T>(bytes.data() + place, kSwap);
+  return load_little<T>(bytes.data() + place);
 }
 template <class T>
 void put(std::string& bytes, std::size_t place, T value) {
-  copy_scalar(bytes.data() + place, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
+  store_little(bytes.data() + place, value);
 }
-template <class T>
-void append(std::string& bytes, T value) {
-  bytes.resize(bytes.size() + sizeof value);
-  put(bytes, bytes.size() - sizeof value, value);
+/// The coordinates with which a record begins.
+inline Grid get_grid(const char* record) {
+  return {load_little<std::int32_t>(record), load_little<std::int32_t>(record + 4),
+          load_little<std::int32_t>(record + 8)};
+}
+inline void put_grid(const Grid& grid, char* record) {
+  for (std::size_t axis = 0; axis < 3; ++axis) store_little(record + 4 * axis, grid[axis]);
 }
 /// Text that ends at a zero byte or fills its place.
 inline std::string_view get_text(std::string_view bytes, std::size_t place, std::size_t size) {
@@ -73,6 +73,13 @@ struct Header {
   std::size_t waveform_begin = 0;  ///< of waveform packets in this file; 0: none
 
   const Record* find(std::string_view user, unsigned id) const;
+};
+
+/// Bytes of a record, from `begin` up to `end`.
+struct ByteRange {
+  std::size_t begin = 0, end = 0;
+
+  bool meets(const ByteRange& other) const { return begin < other.end && other.begin < end; }
 };
 
 /// Bytes of a record of the point format without extra bytes.

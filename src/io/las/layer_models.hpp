@@ -11,7 +11,6 @@
 #include "io/las/color_item.hpp"
 #include "io/las/integer_coder.hpp"
 #include "io/las/layers.hpp"
-#include "io/las/record_bytes.hpp"
 #include "io/las/time_item.hpp"
 #include "io/las/wave_item.hpp"
 

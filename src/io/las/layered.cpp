@@ -267,10 +267,7 @@ void encode_layered(const Compression& compression, std::span<const char> record
   const std::size_t length = compression.record_length();
   const std::vector<Returns> returns = returns_of(records, length);
   std::vector<Grid> grid(returns.size());
-  for (std::size_t i = 0; i < grid.size(); ++i) {
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      grid[i][axis] = load_little<std::int32_t>(records.data() + i * length + 4 * axis);
-  }
+  for (std::size_t i = 0; i < grid.size(); ++i) grid[i] = get_grid(records.data() + i * length);
   const CoordinateCodes coordinates = encode_coordinates(grid, returns);
   std::vector<std::string> codes = {coordinates.returns_xy, coordinates.z};
   const std::vector<Turn> of_point = turns_of_point(returns), of_items = turns_of_items(returns, compression.version());
@@ -279,8 +276,8 @@ void encode_layered(const Compression& compression, std::span<const char> record
     codes.push_back(encode_values(layer, returns, layer.is_of_point() ? of_point : of_items, {first, length}));
   }
   to.append(records.data(), length);
-  append<std::uint32_t>(to, static_cast<std::uint32_t>(returns.size()));
-  for (const std::string& code : codes) append<std::uint32_t>(to, static_cast<std::uint32_t>(code.size()));
+  append_little<std::uint32_t>(to, static_cast<std::uint32_t>(returns.size()));
+  for (const std::string& code : codes) append_little<std::uint32_t>(to, static_cast<std::uint32_t>(code.size()));
   for (const std::string& code : codes) to += code;
 }
 

@@ -8,7 +8,6 @@
 
 #include "io/las/layers.hpp"
 #include "io/las/laz.hpp"
-#include "io/las/record_bytes.hpp"
 
 namespace pointfair::io::las {
 

@@ -6,7 +6,6 @@
 
 #include "io/las/header.hpp"
 #include "io/las/integer_coder.hpp"
-#include "io/las/record_bytes.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -145,13 +144,6 @@ class PointCoder {
   std::uint32_t current_;
 };
 
-Grid first_grid(const LayeredChunk& chunk) {
-  Grid grid{};
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    grid[axis] = load_little<std::int32_t>(chunk.first_point.data() + 4 * axis);
-  return grid;
-}
-
 Returns first_returns(const LayeredChunk& chunk) {
   const unsigned numbers = load_little<std::uint8_t>(chunk.first_point.data() + 14);
   const unsigned flags = load_little<std::uint8_t>(chunk.first_point.data() + 15);
@@ -185,7 +177,7 @@ std::optional<LayeredChunk> split_layers(std::string_view chunk, std::size_t rec
 }
 
 bool decode_layers(const LayeredChunk& chunk, std::span<Grid> points, std::span<Returns> returns) {
-  points[0] = first_grid(chunk);
+  points[0] = get_grid(chunk.first_point.data());
   returns[0] = first_returns(chunk);
   Decoder xy(chunk.returns_xy), z(chunk.z);
   PointCoder<Decoder> coder(xy, chunk.z.empty() ? nullptr : &z, points[0], returns[0]);
@@ -217,10 +209,10 @@ void encode_layers(const LayeredChunk& chunk, std::span<const Grid> points, std:
   const CoordinateCodes codes = encode_coordinates(points, returns);
   const std::size_t begin = to.size();
   to.append(chunk.first_point);
-  for (std::size_t axis = 0; axis < 3; ++axis) store_little(to.data() + begin + 4 * axis, points[0][axis]);
-  append<std::uint32_t>(to, static_cast<std::uint32_t>(points.size()));
-  append<std::uint32_t>(to, static_cast<std::uint32_t>(codes.returns_xy.size()));
-  append<std::uint32_t>(to, static_cast<std::uint32_t>(codes.z.size()));
+  put_grid(points[0], to.data() + begin);
+  append_little<std::uint32_t>(to, static_cast<std::uint32_t>(points.size()));
+  append_little<std::uint32_t>(to, static_cast<std::uint32_t>(codes.returns_xy.size()));
+  append_little<std::uint32_t>(to, static_cast<std::uint32_t>(codes.z.size()));
   to.append(chunk.sizes.substr(8)).append(codes.returns_xy).append(codes.z).append(chunk.others);
 }
 

@@ -124,20 +124,20 @@ Compression read_compression(const Header& header, const std::string& name) {
 
 std::string compression_record(const Compression& compression) {
   std::string data;
-  append<std::uint16_t>(data, compression.layered() ? kLayered : kChunked);
-  append<std::uint16_t>(data, 0);  // arithmetic coder
-  append<std::uint8_t>(data, 3);   // what LASzip 3.5 writes
-  append<std::uint8_t>(data, 5);
-  append<std::uint16_t>(data, 0);
-  append<std::uint32_t>(data, 0);
-  append<std::uint32_t>(data, compression.chunk_points == 0 ? kVariable : compression.chunk_points);
-  append<std::int64_t>(data, -1);
-  append<std::int64_t>(data, -1);
-  append<std::uint16_t>(data, static_cast<std::uint16_t>(compression.items.size()));
+  append_little<std::uint16_t>(data, compression.layered() ? kLayered : kChunked);
+  append_little<std::uint16_t>(data, 0);  // arithmetic coder
+  append_little<std::uint8_t>(data, 3);   // what LASzip 3.5 writes
+  append_little<std::uint8_t>(data, 5);
+  append_little<std::uint16_t>(data, 0);
+  append_little<std::uint32_t>(data, 0);
+  append_little<std::uint32_t>(data, compression.chunk_points == 0 ? kVariable : compression.chunk_points);
+  append_little<std::int64_t>(data, -1);
+  append_little<std::int64_t>(data, -1);
+  append_little<std::uint16_t>(data, static_cast<std::uint16_t>(compression.items.size()));
   for (const Item& item : compression.items) {
-    append(data, item.type);
-    append(data, item.size);
-    append(data, item.version);
+    append_little(data, item.type);
+    append_little(data, item.size);
+    append_little(data, item.version);
   }
   return data;
 }
@@ -179,8 +179,8 @@ ChunkTable read_chunk_table(std::string_view bytes, const Header& header, const 
 std::string chunk_table(const Compression& compression, std::span<const std::size_t> sizes,
                         std::span<const std::uint32_t> points) {
   std::string table;
-  append<std::uint32_t>(table, 0);
-  append<std::uint32_t>(table, static_cast<std::uint32_t>(sizes.size()));
+  append_little<std::uint32_t>(table, 0);
+  append_little<std::uint32_t>(table, static_cast<std::uint32_t>(sizes.size()));
   Encoder encoder(table);
   IntegerCoder coder(2);
   std::int32_t last_points = 0, last_size = 0;

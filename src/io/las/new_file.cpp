@@ -210,8 +210,7 @@ class NewFile {
     if (!find("number_of_returns")) numbers |= 1 << 4;
     for (std::size_t i = first; i < last; ++i) {
       const std::size_t at = (i - first) * record_length_;
-      const Grid grid = grid_of(table_.positions[i]);
-      for (std::size_t axis = 0; axis < 3; ++axis) put(records, at + 4 * axis, grid[axis]);
+      put_grid(grid_of(table_.positions[i]), records.data() + at);
       records[at + 14] = numbers;
       for (const Mapping& mapping : mappings_) put_value(mapping, i, records.data() + at + mapping.offset);
     }
@@ -225,9 +224,9 @@ class NewFile {
       const auto value = static_cast<unsigned>(load_double(from, mapping.column->type, false));
       *to = static_cast<char>(*to | static_cast<char>(value << mapping.shift));
     } else if (mapping.type == mapping.column->type) {
-      for (std::size_t c = 0; c < bytes; c += size) copy_scalar(to + c, from + c, size, kSwap);
+      for (std::size_t c = 0; c < bytes; c += size) copy_scalar(to + c, from + c, size, kBigEndian);
     } else {
-      store_double(to, mapping.type, kSwap, mapping.factor * load_double(from, mapping.column->type, false));
+      store_double(to, mapping.type, kBigEndian, mapping.factor * load_double(from, mapping.column->type, false));
     }
   }
 
@@ -235,7 +234,7 @@ class NewFile {
     std::uint64_t at = chunks_place + 8;
     for (const std::size_t size : sizes) at += size;
     std::string place;
-    append(place, at);
+    append_little(place, at);
     out_.write(chunk_table(*compression_, sizes, {}));
     out_.patch(chunks_place, place);
   }

@@ -16,7 +16,7 @@ namespace {
 
 void read_grid(const char* record, std::size_t record_length, std::span<Grid> out) {
   for (Grid& grid : out) {
-    for (std::size_t axis = 0; axis < 3; ++axis) grid[axis] = load<std::int32_t>(record + 4 * axis, kSwap);
+    grid = get_grid(record);
     record += record_length;
   }
 }
@@ -169,7 +169,7 @@ class DecodedLayers : public Chunks {
     if (wanted.meets({0, kGridBytes})) {
       std::vector<Grid> own(block_size(block));
       grid(block, own, decoded);
-      put_grid(own, decoded.records);
+      for (std::size_t i = 0; i < own.size(); ++i) put_grid(own[i], decoded.records.data() + i * record_length());
     }
     const auto layers = split(block);
     require(layers && decode_layered(compression(), *layers, returns(block, decoded), wanted, decoded.records), block);
@@ -206,14 +206,6 @@ class DecodedLayers : public Chunks {
       decode_into(block, unused, decoded);
     }
     return decoded.returns;
-  }
-
-  void put_grid(std::span<const Grid> grid, std::string& records) const {
-    char* to = records.data();
-    for (const Grid& point : grid) {
-      for (std::size_t axis = 0; axis < 3; ++axis) store_little(to + 4 * axis, point[axis]);
-      to += record_length();
-    }
   }
 
   std::unique_ptr<Grid[]> grid_;

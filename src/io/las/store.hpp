@@ -14,7 +14,6 @@
 #include "io/las/header.hpp"
 #include "io/las/layers.hpp"
 #include "io/las/laz.hpp"
-#include "io/las/record_bytes.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io::las {

@@ -8,7 +8,7 @@
 #include <cstdint>
 
 #include "io/las/integer_coder.hpp"
-#include "io/las/record_bytes.hpp"
+#include "io/scalar.hpp"
 
 namespace pointfair::io::las {
 

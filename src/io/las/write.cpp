@@ -23,11 +23,6 @@ std::int32_t moved_integer(std::int32_t own, double shift, double scale) {
   return fits ? static_cast<std::int32_t>(now) : own;
 }
 
-void put_grid(const Grid& grid, char* record) {
-  for (std::size_t axis = 0; axis < 3; ++axis)
-    copy_scalar(record + 4 * axis, reinterpret_cast<const char*>(&grid[axis]), 4, kSwap);
-}
-
 std::string text_of(double number) {
   char text[32];
   return {text, static_cast<std::size_t>(std::snprintf(text, sizeof text, "%.10g", number))};
@@ -65,7 +60,7 @@ void replace_field(const Field& field, const Replacement& replacement, std::uint
         const auto bits = static_cast<unsigned>(narrow<std::uint8_t>(value)) << field.shift;
         *to = static_cast<char>((static_cast<unsigned char>(*to) & ~mask) | (bits & mask));
       } else {
-        store_double(to, field.stored, kSwap, field.scaled ? (value - field.add[c]) / field.scale[c] : value);
+        store_double(to, field.stored, kBigEndian, field.scaled ? (value - field.add[c]) / field.scale[c] : value);
       }
     }
   }
@@ -185,13 +180,13 @@ class LasWriter {
     source_.store_->grid(block, grid, decoded);
     for (Grid& point : grid) {
       refine(point);
-      before_[block].add(point, point);
+      before_[block].add(point);
     }
     const bool moved = move(block, grid) || is_refined();
     moved_[block] = moved;
     left_[block] = static_cast<std::uint32_t>(grid.size());
     if (loses_points(block)) return append_remaining(block, grid, moved, decoded, buffer);
-    for (const Grid& point : grid) now_[block].add(point, point);
+    for (const Grid& point : grid) now_[block].add(point);
     if (compression_ && !edits_.changes_attributes()) {
       const std::string_view own = source_.store_->chunk(block);
       kept_[block] = !moved && !own.empty();
@@ -224,7 +219,7 @@ class LasWriter {
         ++gone_[block][numbers[i] % gone_[block].size()];
         continue;
       }
-      now_[block].add(grid[i], grid[i]);
+      now_[block].add(grid[i]);
       std::copy_n(points.data() + i * record_length_, record_length_, to);
       to += record_length_;
     }
@@ -292,7 +287,7 @@ class LasWriter {
       points.reserve(grid.size() * record_length_);
       for (std::size_t i = 0; i < grid.size(); ++i) {
         points.append(own.substr(i * length, length));
-        append_added(edits_.added, source_.block_begin(block) + i, kSwap, points);
+        append_added(edits_.added, source_.block_begin(block) + i, kBigEndian, points);
       }
     }
     for (std::size_t i = 0; moved && i < grid.size(); ++i) put_grid(grid[i], points.data() + i * record_length_);
@@ -330,7 +325,7 @@ class LasWriter {
     const std::string table = chunk_table(*compression_, sizes, points);
     out_.write(table);
     std::string place;
-    append<std::uint64_t>(place, chunks_end + gap.size());
+    append_little<std::uint64_t>(place, chunks_end + gap.size());
     out_.patch(chunks_place, place);
     return chunks_end + gap.size() + table.size();
   }

@@ -12,7 +12,6 @@ namespace pointfair::io::npy {
 namespace {
 
 constexpr std::string_view kMagic("\x93NUMPY", 6);
-constexpr bool kBigEndian = std::endian::native == std::endian::big;
 constexpr std::uint64_t kMostValues = std::uint64_t{1} << 40;  // of a shape, so that products do not overflow
 
 constexpr std::array<std::pair<std::string_view, NativeType>, 11> kTypes = {{{"b1", NativeType::uint8},

@@ -13,8 +13,6 @@ namespace pointfair::io {
 namespace npy {
 namespace {
 
-constexpr bool kBigEndian = std::endian::native == std::endian::big;
-
 class NpySource final : public RecordSource {
  public:
   NpySource(bool is_columnar, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
@@ -135,7 +133,7 @@ void write_npy(Table table, const Writing&, Output& out) {
   } else {
     std::vector<npy::Field> fields;
     const auto add = [&](const std::string& name, NativeType its_type, std::uint32_t count) {
-      fields.push_back({name, its_type, size_of(its_type), count, std::endian::native == std::endian::big});
+      fields.push_back({name, its_type, size_of(its_type), count, kBigEndian});
     };
     for (const char* axis : {"x", "y", "z"}) add(axis, type, 1);
     for (const TableColumn& column : table.columns) add(column.name, column.type, column.components);
@@ -173,7 +171,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, co
   layout.record_size = 4 * layout.fields.size();
   for (RecordField& field : layout.fields) field.stride = layout.record_size;
   layout.xyz = {0, 1, 2};
-  layout.swap = std::endian::native == std::endian::big;
+  layout.swap = kBigEndian;
   const std::string_view points = bytes.view();
   layout.count = points.size() / layout.record_size;
   if (points.size() % layout.record_size != 0 || points.empty())

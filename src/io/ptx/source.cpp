@@ -61,10 +61,6 @@ void PtxSource::for_each_row(std::size_t block, const Visit& visit) const {
     if (is_row(line, RowRule::filled)) visit(line, point++);
 }
 
-void PtxSource::fail_at(const char* place, const std::string& message) const {
-  fail(name(), "line " + std::to_string(line_number(bytes(), place)) + ": " + message);
-}
-
 Position PtxSource::own_position(std::string_view row) const {
   Position own;
   if (PlainRow(row, ' ').position(own)) return own;
@@ -161,19 +157,9 @@ std::optional<double> PtxSource::number_at(std::string_view row, std::size_t ind
 }
 
 void PtxSource::extract_block(std::size_t index, std::size_t block, std::span<char> out) const {
-  const Column& column = columns_[index];
-  const std::size_t size = size_of(column.type);
-  const std::vector<std::string>& names = scan_of(block).value_names;
-  const auto found = std::find(names.begin(), names.end(), column.name);
-  if (found == names.end()) return fill_absent(column, block, out);
-  const std::size_t word_index = 3 + static_cast<std::size_t>(found - names.begin());
-  for_each_row(block, [&](std::string_view row, std::size_t point) {
-    PlainRow plain(row, ' ');
-    double number = 0;
-    if (!plain.skip(word_index) || !plain.number(number))
-      number = number_at(row, word_index, column).value_or(kMissing);
-    store_double(out.data() + point * size, column.type, false, number);
-  });
+  std::vector<std::span<char>> places(columns_.size());
+  places[index] = out;
+  extract_several_of_block(block, places);
 }
 
 // What a scan does not have is not a number, or 0.
@@ -260,15 +246,8 @@ struct PtxSource::RowEditor {
   const Scan& scan;
   const Moves moves;
   const Edits& edits;
-  std::string& to;
   const std::uint64_t first;
-  const char* copied;  // everything before it is in `to`
-
-  void replace(std::string_view word, const std::string& text) {
-    to.append(copied, word.data());
-    to += text;
-    copied = word.data() + word.size();
-  }
+  PatchedText patched;
 
   // Where the moved point is in the scan's own coordinates. What a double cannot hold of the pose stays out of it.
   Position own_now(const Position& own, std::size_t point) const {
@@ -299,7 +278,7 @@ struct PtxSource::RowEditor {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       next_word(row, word);
       const bool changed = scan.pose.is_identity ? (moves.changed[point] >> axis & 1) != 0 : now[axis] != own[axis];
-      if (changed) replace(word, coordinate(word, now[axis], axis, moves.values[point]));
+      if (changed) patched.replace(word, coordinate(word, now[axis], axis, moves.values[point]));
     }
   }
 
@@ -317,7 +296,7 @@ struct PtxSource::RowEditor {
       if (own && (*own == value || (is_float && static_cast<float>(*own) == static_cast<float>(value)))) continue;
       std::string text;
       append_as(text, value, native(other->values->type));
-      replace(word, text);
+      patched.replace(word, text);
     }
   }
 };
@@ -326,12 +305,12 @@ void PtxSource::append_edited(std::size_t block, const Edits& edits, std::string
   const Block& where = layout_.blocks[block];
   const std::string_view text = bytes().substr(where.begin, where.end - where.begin);
   to.reserve(text.size() + text.size() / 4);
-  RowEditor editor{*this, scan_of(block), moves(block, edits), edits, to, where.first_point, text.data()};
+  RowEditor editor{*this, scan_of(block), moves(block, edits), edits, where.first_point, {text, to}};
   for_each_row(block, [&](std::string_view row, std::size_t point) {
     if (editor.moves.changed[point] != 0) editor.move(row, point);
     if (!edits.replaced.empty()) editor.give_values(row, point);
   });
-  to.append(editor.copied, text.data() + text.size());
+  editor.patched.finish();
 }
 
 // What stands between blocks, the headers of scans, is copied.
@@ -364,19 +343,16 @@ void write_ptx(Table table, const Writing&, Output& out) {
     if (!std::isfinite(p[0] + p[1] + p[2])) {
       buffer += "0 0 0 ";
     } else {
-      for (const double value : p) {
-        append_as(buffer, value, native(table.coordinate_type));
-        buffer += ' ';
-      }
+      append_position(buffer, table, i, ' ');
     }
     if (intensity) {
-      append_scalar(buffer, intensity->data.data() + i * column_bytes(*intensity), intensity->type);
+      append_value(buffer, *intensity, i, ' ');
     } else {
-      buffer += "0.5";  // every row has one; this is what other writers put where none is known
+      buffer += "0.5 ";  // every row has one; this is what other writers put where none is known
     }
     if (colored)
-      for (const std::uint8_t channel : colors[i]) buffer += ' ' + std::to_string(channel);
-    buffer += '\n';
+      for (const std::uint8_t channel : colors[i]) buffer += std::to_string(channel) + ' ';
+    buffer.back() = '\n';
   });
 }
 

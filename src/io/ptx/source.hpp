@@ -42,7 +42,6 @@ class PtxSource final : public Source {
   std::optional<double> number_at(std::string_view row, std::size_t index, const Column& column) const;
   void fill_absent(const Column& column, std::size_t block, std::span<char> out) const;
   void append_edited(std::size_t block, const Edits& edits, std::string& to) const;
-  [[noreturn]] void fail_at(const char* place, const std::string& message) const;
 
   Layout layout_;
   mutable std::once_flag types_found_;

@@ -11,7 +11,6 @@ namespace pointfair::io {
 namespace stl {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
 constexpr std::size_t kHeader = 84, kFacet = 50, kCorners = 12, kWord = 48;  // offsets in a file and in a facet
 constexpr std::uint64_t kBlock = 2048;                                       // facets
 
@@ -25,11 +24,11 @@ class BinarySource final : public Source {
   void positions(std::size_t block, std::span<Position> out) const override {
     for (std::size_t i = 0; i < out.size(); ++i) {
       const char* const from = corner(block_begin(block) + i);
-      for (std::size_t axis = 0; axis < 3; ++axis) out[i][axis] = double{load<float>(from + 4 * axis, kSwap)};
+      for (std::size_t axis = 0; axis < 3; ++axis) out[i][axis] = double{load_little<float>(from + 4 * axis)};
     }
   }
   bool copy_points(std::size_t block, std::span<Point> out) const override {
-    if (kSwap) return false;
+    if (kBigEndian) return false;
     for (std::size_t i = 0; i < out.size(); ++i) std::memcpy(&out[i], corner(block_begin(block) + i), sizeof(Point));
     return true;
   }
@@ -70,19 +69,19 @@ class BinarySource final : public Source {
     for (std::size_t c = 0; c < 3; ++c)
       for (std::size_t axis = 0; axis < 3; ++axis)
         if (moves.changed[first + c] >> axis & 1)
-          store_double(facet + kCorners + c * sizeof(Point) + 4 * axis, NativeType::float32, kSwap,
+          store_double(facet + kCorners + c * sizeof(Point) + 4 * axis, NativeType::float32, kBigEndian,
                        moves.values[first + c][axis]);
     const auto is_zero = [](char byte) { return byte == 0; };
     if (std::all_of(facet, facet + kCorners, is_zero)) return;
     const std::array<float, 3> normal = normal_of(moves.values, first);
     for (std::size_t axis = 0; axis < 3; ++axis)
-      store_double(facet + 4 * axis, NativeType::float32, kSwap, double{normal[axis]});
+      store_double(facet + 4 * axis, NativeType::float32, kBigEndian, double{normal[axis]});
   }
 
   std::uint64_t facets_;
 };
 
-std::uint64_t facet_count(std::string_view bytes) { return load<std::uint32_t>(bytes.data() + kHeader - 4, kSwap); }
+std::uint64_t facet_count(std::string_view bytes) { return load_little<std::uint32_t>(bytes.data() + kHeader - 4); }
 
 }  // namespace
 

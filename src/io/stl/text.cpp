@@ -84,19 +84,13 @@ class TextStl final : public Source {
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override {
-    const std::string_view text = chunk(block);
-    const char* copied = text.data();  // everything before it is in `to`
-    const auto replace = [&](std::string_view word, const std::string& by) {
-      to.append(copied, word.data());
-      to += by;
-      copied = word.data() + word.size();
-    };
+    PatchedText patched(chunk(block), to);
     for_each_line(block, [&](Line kind, std::string_view line, std::size_t facet, std::size_t corner) {
       if (kind == Line::facet && 3 * facet + 2 < moves.changed.size() && has_moved(moves, 3 * facet))
-        renew_normal(line, normal_of(moves.values, 3 * facet), replace);
-      if (kind == Line::vertex && moves.changed[corner] != 0) move_corner(line, moves, corner, edits, replace);
+        renew_normal(line, normal_of(moves.values, 3 * facet), patched);
+      if (kind == Line::vertex && moves.changed[corner] != 0) move_corner(line, moves, corner, edits, patched);
     });
-    to.append(copied, text.data() + text.size());
+    patched.finish();
   }
 
  private:
@@ -124,11 +118,13 @@ class TextStl final : public Source {
       for_each_line(block, [&](Line kind, std::string_view line, std::size_t facet, std::size_t corner) {
         if (kind == Line::end_of_solid) ended[block] = 1;
         if (kind == Line::facet) {
-          if (corner != 3 * facet) fail_at(line, "a facet begins where another has not three corners; repair the file");
+          if (corner != 3 * facet)
+            fail_at(line.data(), "a facet begins where another has not three corners; repair the file");
           facets = facet + 1;
           ended[block] = 0;
         } else if (kind == Line::vertex) {
-          if (corner + 1 > 3 * facet) fail_at(line, "a corner that belongs to no facet of three; repair the file");
+          if (corner + 1 > 3 * facet)
+            fail_at(line.data(), "a corner that belongs to no facet of three; repair the file");
           corners = corner + 1;
         }
       });
@@ -160,37 +156,31 @@ class TextStl final : public Source {
     }
   }
 
-  [[noreturn]] void fail_at(std::string_view line, const std::string& message) const {
-    fail(name(), "line " + std::to_string(line_number(bytes(), line.data())) + ": " + message);
-  }
-
   Position position_of(std::string_view line) const {
     Position result;
     if (PlainRow(line, ' ').position(result)) return result;
     std::string_view rest = line, word;
     for (double& value : result) {
       const std::optional<double> number = next_word(rest, word) ? to_number(word) : std::nullopt;
-      if (!number) fail_at(line, "a corner needs three numbers: " + quoted(line) + "; repair the line");
+      if (!number) fail_at(line.data(), "a corner needs three numbers: " + quoted(line) + "; repair the line");
       value = *number;
     }
     return result;
   }
 
-  template <class Replace>
-  static void renew_normal(std::string_view line, const std::array<float, 3>& normal, const Replace& replace) {
+  static void renew_normal(std::string_view line, const std::array<float, 3>& normal, PatchedText& patched) {
     std::string_view word;
     next_word(line, word);  // "normal"
     for (const float value : normal) {
       if (!next_word(line, word)) return;
       std::string text;
       append_number(text, value);
-      replace(word, text);
+      patched.replace(word, text);
     }
   }
 
-  template <class Replace>
   void move_corner(std::string_view line, const Moves& moves, std::size_t corner, const Edits& edits,
-                   const Replace& replace) const {
+                   PatchedText& patched) const {
     std::string_view word;
     for (std::size_t axis = 0; axis < 3; ++axis) {
       next_word(line, word);
@@ -202,7 +192,7 @@ class TextStl final : public Source {
       } else {
         append_moved(text, word, value, static_cast<float>(value - origin()[axis]));
       }
-      replace(word, text);
+      patched.replace(word, text);
     }
   }
 

@@ -9,8 +9,6 @@
 namespace pointfair::io {
 namespace {
 
-constexpr bool kSwap = std::endian::native == std::endian::big;
-
 using Triangle = std::array<Position, 3>;
 
 // The triangles of all faces that have a place: those with an invalid corner have none.
@@ -30,23 +28,16 @@ std::vector<Triangle> triangles_of(const Table& table) {
   return result;
 }
 
-template <class T>
-void append_binary(std::string& to, T value) {
-  char bytes[sizeof value];
-  copy_scalar(bytes, reinterpret_cast<const char*>(&value), sizeof value, kSwap);
-  to.append(bytes, sizeof bytes);
-}
-
 void write_binary(const std::vector<Triangle>& triangles, Output& out) {
   std::string header = "binary STL written by pointfair";  // not "solid", by which files of text are known
   header.resize(80);
-  append_binary(header, static_cast<std::uint32_t>(triangles.size()));
+  append_little(header, static_cast<std::uint32_t>(triangles.size()));
   out.write(header);
   write_rows(out, triangles.size(), [&](std::size_t t, std::string& buffer) {
-    for (const float value : stl::normal_of(triangles[t], 0)) append_binary(buffer, value);
+    for (const float value : stl::normal_of(triangles[t], 0)) append_little(buffer, value);
     for (const Position& corner : triangles[t])
-      for (const double value : corner) append_binary(buffer, static_cast<float>(value));
-    append_binary(buffer, std::uint16_t{0});
+      for (const double value : corner) append_little(buffer, static_cast<float>(value));
+    append_little(buffer, std::uint16_t{0});
   });
 }
 
