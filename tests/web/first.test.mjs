@@ -27,7 +27,7 @@ test("without a file the page asks for one", async (t) => {
   assert.ok(await page.getByRole("heading", { name: "Open a scan" }).isHidden());
   const again = page.waitForEvent("filechooser");
   await page.keyboard.press("o");
-  await (await again).setFiles([sheet(folder, "first.xyz", 1), sheet(folder, "second.xyz", 1)]);
+  await (await again).setFiles([sheet(folder, "first.xyz", 60), sheet(folder, "second.xyz", 60)]);
   await page.locator(".toast", { hasText: "One cloud at a time: second.xyz left aside" }).waitFor();
   await page.waitForFunction(() => document.body.dataset.cloud === "first.xyz");
   await settled(page);
