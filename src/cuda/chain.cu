@@ -213,9 +213,7 @@ void Chain::keep_boundary(const FairingSettings& settings) {
                       held_.data());
 }
 
-std::uint64_t Chain::held_of_boundary() {
-  return held_.size() == 0 ? 0 : held_.first("reading counts");
-}
+std::uint64_t Chain::held_of_boundary() { return held_.size() == 0 ? 0 : held_.first("reading counts"); }
 
 // Normals, too. In spatial order a part's points go to places near each other, so nothing is staged.
 void Chain::fair_by_parts(point::BilateralWeights weights) {

@@ -35,7 +35,8 @@ class StoredSampling final : public Sampling, private PointStore {
 
   CloudSample sample_cloud(std::size_t count) override {
     const Bounds& bounds = cloud_.bounds();
-    CandidatesAhead candidates(bounds, [this](const auto& visit) { leaves_.for_all(visit); }, on_host());
+    CandidatesAhead candidates(
+        bounds, [this](const auto& visit) { leaves_.for_all(visit); }, on_host());
     CloudSample sample = draw_sample(bounds, count, [&](Candidates wanted) { return candidates.collect(wanted); });
     for (std::size_t i = 0; i < sample.indices.size(); ++i) sample.indices[i] = std::uint32_t(i);
     queries_.clear();

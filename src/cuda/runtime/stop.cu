@@ -17,9 +17,7 @@ Stop StopLine::listen(const std::stop_token& stop, unsigned call) {
   return {asked_.get(), heard_.data(), call};
 }
 
-unsigned StopLine::given_up() {
-  return is_asked() ? heard_.first("asking for a stop") : 0;
-}
+unsigned StopLine::given_up() { return is_asked() ? heard_.first("asking for a stop") : 0; }
 
 void StopLine::clear() {
   callback_.reset();
