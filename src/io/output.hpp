@@ -2,6 +2,7 @@
 // Where a file is written to: a temporary file that gets its name at the end, a stream, or memory.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <filesystem>
 #include <memory>
@@ -28,7 +29,9 @@ class Output {
 class MemoryOutput : public Output {
  public:
   void write(std::string_view more) override { bytes += more; }
-  void patch(std::uint64_t at, std::string_view other) override { bytes.replace(at, other.size(), other); }
+  void patch(std::uint64_t at, std::string_view other) override {
+    bytes.replace(static_cast<std::size_t>(at), other.size(), other);
+  }
   void finish() override {}
 
   std::string bytes;

@@ -44,13 +44,13 @@ void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& lay
     fail(name, "is an array with " + std::to_string(columns) + " values a row; points need x, y and z, and at most " +
                    std::to_string(kMaxColumns) + " values. An array of shape (N, 3) or more can be read");
   if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
-  const auto rows = static_cast<std::size_t>(layout.count);
-  for (std::size_t c = 0; c < columns; ++c)
+  const auto rows = static_cast<std::size_t>(layout.count), values = static_cast<std::size_t>(columns);
+  for (std::size_t c = 0; c < values; ++c)
     layout.fields.push_back({{"column_" + std::to_string(c + 1), *field.type},
                              c * field.size * (header.fortran_order ? rows : 1),
-                             field.size * (header.fortran_order ? 1 : columns)});
+                             field.size * (header.fortran_order ? 1 : values)});
   layout.xyz = {0, 1, 2};
-  layout.record_size = field.size * columns;
+  layout.record_size = field.size * values;
   layout.swap = field.big_endian != kBigEndian;
 }
 
