@@ -218,7 +218,7 @@ class CoarseLists(unittest.TestCase):
 
 @unittest.skipUnless(torch, "no torch")
 class ErrorsOfPieces(unittest.TestCase):
-    """Points of a plane, each measured several spacings away along it; five of them are outliers above it."""
+    """Points of a plane, each measured at the true place of another; five of them do not count."""
 
     def setUp(self):
         rng = np.random.default_rng(6)
