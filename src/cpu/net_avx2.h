@@ -2,6 +2,7 @@
 // Whole numbers of the net in registers of 256 bits (src/cpu/net_arithmetic.h says what each is).
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "cpu/pack.h"
@@ -57,9 +58,10 @@ POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* o
 }
 
 // In each 128 bits, four channels of each of four sums; then of the last two, twice.
-struct ActivationRow {
+struct Row256 {
   __m256i first, last;
 };
+using ActivationRow = Row256;
 inline constexpr int kRowBytes = 64;
 constexpr int channel_at(int byte) {
   const int sum = byte / 32 * 4 + byte / 4 % 4;
@@ -82,7 +84,7 @@ POINTFAIR_INLINE void store_row(ActivationRow row, std::uint8_t* out) {
 }
 
 // Sums and largest of rows, which come in pairs.
-class RowSummary {
+class Summary256 {
  public:
   POINTFAIR_INLINE void add(ActivationRow a, ActivationRow b) {
     first_.add(a.first, b.first);
@@ -110,6 +112,7 @@ class RowSummary {
   };
   Half first_, last_;
 };
+using RowSummary = Summary256;
 
 POINTFAIR_INLINE SumVector products_of(ActivationRow row, const std::int8_t* weights) {
   const SumVector first = add_word(_mm256_setzero_si256(), row.first, load_words(weights));
@@ -132,12 +135,8 @@ POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* we
   }
 }
 
-// Four numbers of each of 8 rows of floats, number by number; from(k) is where those of row k begin.
-struct FourColumns {
-  Floats of[4];
-};
 template <class From>
-POINTFAIR_INLINE FourColumns four_columns(const From& from) {
+POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {
   const auto row = [&](int k) {
     return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(from(k))), _mm_loadu_ps(from(4 + k)), 1);
   };

@@ -2,6 +2,7 @@
 // Whole numbers of the net in registers of 512 bits (src/cpu/net_arithmetic.h says what each is).
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "cpu/pack.h"
@@ -52,9 +53,10 @@ POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* o
 }
 
 // In each 128 bits, four channels of each of the three sums, and those of the last once more.
-struct ActivationRow {
+struct Row512 {
   __m512i v;
 };
+using ActivationRow = Row512;
 inline constexpr int kRowBytes = 64;
 constexpr int channel_at(int byte) {
   const int sum = byte / 4 % 4;
@@ -74,7 +76,7 @@ POINTFAIR_INLINE void store_row(ActivationRow row, std::uint8_t* out) {
 }
 
 // Sums and largest of rows, which come in pairs.
-class RowSummary {
+class Summary512 {
  public:
   POINTFAIR_INLINE void add(ActivationRow a, ActivationRow b) {
     const __m512i both = _mm512_add_epi8(a.v, b.v);  // at most 254
@@ -93,6 +95,7 @@ class RowSummary {
  private:
   __m512i even_ = _mm512_setzero_si512(), odd_ = even_, most_ = even_;
 };
+using RowSummary = Summary512;
 
 POINTFAIR_INLINE SumVector products_of(ActivationRow row, const std::int8_t* weights) {
   return add_word(_mm512_setzero_si512(), row.v, load_words(weights));
@@ -120,12 +123,8 @@ POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* we
   _mm512_storeu_ps(out, _mm512_cvtepi32_ps(sums_of_lanes(products)));
 }
 
-// Numbers kFirst to kFirst + 3 of each of 16 rows of floats, number by number.
-struct FourColumns {
-  Floats of[4];
-};
 template <class From>
-POINTFAIR_INLINE FourColumns four_columns(const From& from) {
+POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {
   const auto row = [&](int k) {
     __m512 v = _mm512_castps128_ps512(_mm_loadu_ps(from(k)));
     v = _mm512_insertf32x4(v, _mm_loadu_ps(from(4 + k)), 1);

@@ -3,6 +3,7 @@
 // each is).
 #pragma once
 
+#include <array>
 #include <cstdint>
 
 #include "cpu/pack.h"
@@ -43,9 +44,10 @@ POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* o
   }
 }
 
-struct ActivationRow {
+struct RowOfBytes {
   std::uint8_t of[net::kChannels];
 };
+using ActivationRow = RowOfBytes;
 inline constexpr int kRowBytes = net::kChannels;
 constexpr int channel_at(int byte) { return byte; }
 POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
@@ -60,7 +62,7 @@ POINTFAIR_INLINE void store_row(const ActivationRow& row, std::uint8_t* out) {
   __builtin_memcpy(out, row.of, sizeof row.of);
 }
 
-class RowSummary {
+class SummaryOfBytes {
  public:
   POINTFAIR_INLINE void add(const ActivationRow& a, const ActivationRow& b) {
     for (int c = 0; c < net::kChannels; ++c) {
@@ -81,6 +83,7 @@ class RowSummary {
   std::uint16_t sum_[net::kChannels] = {};
   ActivationRow most_ = {};
 };
+using RowSummary = SummaryOfBytes;
 
 POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
   for (int e = 0; e < net::kNeighbors; ++e) {
@@ -90,11 +93,8 @@ POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* we
   }
 }
 
-struct FourColumns {
-  Floats of[4];
-};
 template <class From>
-POINTFAIR_INLINE FourColumns four_columns(const From& from) {
+POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {
   float columns[4][kLanes];
   for (int lane = 0; lane < kLanes; ++lane)
     for (int i = 0; i < 4; ++i) columns[i][lane] = from(lane)[i];

@@ -16,8 +16,8 @@ POINTFAIR_INLINE net::Neighbor<Floats> neighbors_at(const net::Place* places, co
   const auto columns = [&](int first) {
     return four_columns([&](int lane) { return &places[list[lane]].classical.x + first; });
   };
-  const FourColumns a = columns(0), b = columns(3), c = columns(6);
-  return {{a.of[0], a.of[1], a.of[2]}, {a.of[3], b.of[1], b.of[2]}, {c.of[0], c.of[1], c.of[2]}, c.of[3]};
+  const std::array<Floats, 4> a = columns(0), b = columns(3), c = columns(6);
+  return {{a[0], a[1], a[2]}, {a[3], b[1], b[2]}, {c[0], c[1], c[2]}, c[3]};
 }
 
 // Vectors of the neighbours, and their sum in the order of the list.
@@ -47,10 +47,10 @@ inline void net_slide(const NetSlide& cloud, Index first, Index last) {
     point::Vec3<Floats> offsets[kPacks];
     for (int pack = 0; pack < kPacks; ++pack) {
       // reads one float behind the last point, for which there is room
-      const FourColumns there = four_columns([&](int lane) { return &cloud.from[list[pack * kLanes + lane]].x; });
-      offsets[pack] =
-          net::along_plane(point::Vec3<Floats>{there.of[0], there.of[1], there.of[2]} - net::spread_of<Floats>(here),
-                           net::spread_of<Floats>(start.normal));
+      const std::array<Floats, 4> there =
+          four_columns([&](int lane) { return &cloud.from[list[pack * kLanes + lane]].x; });
+      offsets[pack] = net::along_plane(point::Vec3<Floats>{there[0], there[1], there[2]} - net::spread_of<Floats>(here),
+                                       net::spread_of<Floats>(start.normal));
       store(squares + pack * kLanes, point::squared_length(offsets[pack]));
     }
     float sum = 0;
