@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whole numbers of the net where no instructions for products of bytes are used (src/cpu/net_arithmetic.h says what
-// each is).
+// Whole numbers of the net in registers of 128 bits, with vectors as compilers know them (src/cpu/net_arithmetic.h says
+// what each is). Only the product of bytes has instructions of its own.
 #pragma once
 
 #include <array>
@@ -14,91 +14,138 @@ namespace pointfair::cpu::POINTFAIR_ISA {
 namespace net = point::net;
 
 inline constexpr int kSumLanes = 4;
-struct SumVector {
-  int v[4];
-};
-struct WordVector {
-  const std::int8_t* of;
-};
-POINTFAIR_INLINE SumVector load_sums(const int* p) { return {{p[0], p[1], p[2], p[3]}}; }
-POINTFAIR_INLINE WordVector load_words(const std::int8_t* p) { return {p}; }
-POINTFAIR_INLINE int broadcast_word(int word) { return word; }
-POINTFAIR_INLINE SumVector sum_of(SumVector a, SumVector b) {
-  for (int lane = 0; lane < 4; ++lane) a.v[lane] += b.v[lane];
-  return a;
+typedef int SumVector __attribute__((vector_size(16)));
+typedef std::int16_t StoredVector __attribute__((vector_size(8)));
+typedef std::uint8_t FourBytes __attribute__((vector_size(4)));
+typedef std::int8_t SignedBytes __attribute__((vector_size(16)));
+typedef std::uint8_t Bytes __attribute__((vector_size(16)));
+typedef std::uint16_t BytePairs __attribute__((vector_size(16)));
+inline constexpr int kVectors = net::kChannels / kSumLanes, kRowVectors = net::kChannels / 16;
+static_assert(net::kChannels % 16 == 0 && net::kNeighbors == 16);
+
+template <class To>
+POINTFAIR_INLINE To loaded(const void* p) {
+  To result;
+  __builtin_memcpy(&result, p, sizeof result);
+  return result;
 }
-POINTFAIR_INLINE SumVector add_word(SumVector sum, int word, WordVector weights) {
-  for (int lane = 0; lane < 4; ++lane)
-    for (int byte = 0; byte < 4; ++byte) sum.v[lane] += (word >> 8 * byte & 127) * weights.of[4 * lane + byte];
+POINTFAIR_INLINE SumVector load_sums(const int* p) { return loaded<SumVector>(p); }
+POINTFAIR_INLINE SignedBytes load_words(const std::int8_t* p) { return loaded<SignedBytes>(p); }
+POINTFAIR_INLINE SignedBytes broadcast_word(int word) { return SignedBytes(SumVector{word, word, word, word}); }
+POINTFAIR_INLINE SumVector sum_of(SumVector a, SumVector b) { return a + b; }
+
+// `inputs` are at most 127 and not negative.
+POINTFAIR_INLINE SumVector add_word(SumVector sum, SignedBytes inputs, SignedBytes weights) {
+#if defined(__SSE2__)
+  const __m128i a = __m128i(inputs), w = __m128i(weights), zero = _mm_setzero_si128();
+  const auto products = [](__m128i x, __m128i twice) { return _mm_madd_epi16(x, _mm_srai_epi16(twice, 8)); };
+  const __m128 low = _mm_castsi128_ps(products(_mm_unpacklo_epi8(a, zero), _mm_unpacklo_epi8(w, w)));
+  const __m128 high = _mm_castsi128_ps(products(_mm_unpackhi_epi8(a, zero), _mm_unpackhi_epi8(w, w)));
+  return sum + SumVector(_mm_shuffle_ps(low, high, 0x88)) + SumVector(_mm_shuffle_ps(low, high, 0xdd));
+#elif defined(__aarch64__)
+  const int8x16_t a = int8x16_t(inputs), w = int8x16_t(weights);
+  const int16x8_t low = vmull_s8(vget_low_s8(a), vget_low_s8(w)), high = vmull_high_s8(a, w);
+  return SumVector(vpadalq_s16(int32x4_t(sum), vpaddq_s16(low, high)));
+#else
+  for (int i = 0; i < 16; ++i) sum[i / 4] += inputs[i] * weights[i];
   return sum;
+#endif
 }
 
+POINTFAIR_INLINE SumVector clamped(SumVector value, int least, int most) {
+  const SumVector low = SumVector{} + least, high = SumVector{} + most;
+  value = value < low ? low : value;
+  return value > high ? high : value;
+}
 POINTFAIR_INLINE void add_stored(const SumVector* own, const std::int16_t* stored, SumVector* sums) {
-  for (int c = 0; c < net::kChannels; ++c)
-    sums[c / 4].v[c % 4] = own[c / 4].v[c % 4] + stored[c] * (1 << net::kStoredShift);
+  for (int v = 0; v < kVectors; ++v)
+    sums[v] = own[v] + __builtin_convertvector(loaded<StoredVector>(stored + v * kSumLanes), SumVector) *
+                           (1 << net::kStoredShift);
 }
 POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* out) {
-  for (int c = 0; c < net::kChannels; ++c) {
-    const int value = sums[c / 4].v[c % 4] >> net::kStoredShift;
-    out[c] = static_cast<std::int16_t>(value < -32768 ? -32768 : value > 32767 ? 32767 : value);
+  for (int v = 0; v < kVectors; ++v) {
+    const auto narrow = __builtin_convertvector(clamped(sums[v] >> net::kStoredShift, -32768, 32767), StoredVector);
+    __builtin_memcpy(out + v * kSumLanes, &narrow, sizeof narrow);
   }
 }
 
+// In the order of the channels.
 struct RowOfBytes {
-  std::uint8_t of[net::kChannels];
+  Bytes of[kRowVectors];
 };
 using ActivationRow = RowOfBytes;
 inline constexpr int kRowBytes = net::kChannels;
 constexpr int channel_at(int byte) { return byte; }
 POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
   ActivationRow row;
-  for (int c = 0; c < net::kChannels; ++c) {
-    const int value = sums[c / 4].v[c % 4] >> net::kSumShift;
-    row.of[c] = static_cast<std::uint8_t>(value < 0 ? 0 : value > 127 ? 127 : value);
+#if defined(__SSE2__)
+  for (int v = 0; v < kRowVectors; ++v) {
+    const auto pair = [&](int at) {
+      return _mm_srai_epi16(_mm_packs_epi32(__m128i(sums[at]), __m128i(sums[at + 1])), net::kSumShift);
+    };
+    row.of[v] = Bytes(_mm_min_epu8(_mm_packus_epi16(pair(4 * v), pair(4 * v + 2)), _mm_set1_epi8(127)));
   }
+#else
+  for (int v = 0; v < kVectors; ++v) {
+    const auto bytes = __builtin_convertvector(clamped(sums[v] >> net::kSumShift, 0, 127), FourBytes);
+    __builtin_memcpy(reinterpret_cast<std::uint8_t*>(row.of) + v * kSumLanes, &bytes, sizeof bytes);
+  }
+#endif
   return row;
 }
 POINTFAIR_INLINE void store_row(const ActivationRow& row, std::uint8_t* out) {
   __builtin_memcpy(out, row.of, sizeof row.of);
 }
 
+// Sums and largest of rows, which come in pairs.
 class SummaryOfBytes {
  public:
   POINTFAIR_INLINE void add(const ActivationRow& a, const ActivationRow& b) {
-    for (int c = 0; c < net::kChannels; ++c) {
-      sum_[c] = static_cast<std::uint16_t>(sum_[c] + a.of[c] + b.of[c]);
-      const std::uint8_t larger = a.of[c] > b.of[c] ? a.of[c] : b.of[c];
-      most_.of[c] = larger > most_.of[c] ? larger : most_.of[c];
+    for (int v = 0; v < kRowVectors; ++v) {
+      const BytePairs both = BytePairs(a.of[v] + b.of[v]);  // at most 254
+      even_[v] += both & 255;
+      odd_[v] += both >> 8;
+      const Bytes larger = a.of[v] > b.of[v] ? a.of[v] : b.of[v];
+      most_.of[v] = larger > most_.of[v] ? larger : most_.of[v];
     }
   }
   POINTFAIR_INLINE ActivationRow largest() const { return most_; }
   POINTFAIR_INLINE ActivationRow mean() const {
+    const auto mean_of = [](BytePairs sum) { return (sum + net::kNeighbors / 2) >> 4; };
     ActivationRow row;
-    for (int c = 0; c < net::kChannels; ++c)
-      row.of[c] = static_cast<std::uint8_t>((sum_[c] + net::kNeighbors / 2) / net::kNeighbors);
+    for (int v = 0; v < kRowVectors; ++v) row.of[v] = Bytes(mean_of(even_[v]) | mean_of(odd_[v]) << 8);
     return row;
   }
 
  private:
-  std::uint16_t sum_[net::kChannels] = {};
+  BytePairs even_[kRowVectors] = {}, odd_[kRowVectors] = {};
   ActivationRow most_ = {};
 };
 using RowSummary = SummaryOfBytes;
 
+// Of every row its products with `weights`.
 POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
   for (int e = 0; e < net::kNeighbors; ++e) {
-    int sum = 0;
-    for (int c = 0; c < net::kChannels; ++c) sum += rows[e].of[c] * weights[c];
-    out[e] = static_cast<float>(sum);
+    SumVector sum{};
+    for (int v = 0; v < kRowVectors; ++v) sum = add_word(sum, SignedBytes(rows[e].of[v]), load_words(weights + 16 * v));
+    out[e] = static_cast<float>(sum[0] + sum[1] + sum[2] + sum[3]);
   }
 }
 
+// Four numbers of each of kLanes rows of floats, number by number; from(lane) is where those of a row begin.
 template <class From>
 POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {
-  float columns[4][kLanes];
+  static_assert(kLanes == 4);
+#if defined(__SSE2__)
+  __m128 a = _mm_loadu_ps(from(0)), b = _mm_loadu_ps(from(1)), c = _mm_loadu_ps(from(2)), d = _mm_loadu_ps(from(3));
+  _MM_TRANSPOSE4_PS(a, b, c, d);
+  return {Floats(FloatVector(a)), Floats(FloatVector(b)), Floats(FloatVector(c)), Floats(FloatVector(d))};
+#else
+  std::array<Floats, 4> columns;
   for (int lane = 0; lane < kLanes; ++lane)
-    for (int i = 0; i < 4; ++i) columns[i][lane] = from(lane)[i];
-  return {{load(columns[0]), load(columns[1]), load(columns[2]), load(columns[3])}};
+    for (std::size_t i = 0; i < 4; ++i) columns[i].v[lane] = from(lane)[i];
+  return columns;
+#endif
 }
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA
