@@ -31,6 +31,7 @@ struct TextRows {
   struct Chunk {
     std::size_t begin = 0;        ///< in the text
     std::uint64_t first_row = 0;  ///< rows before it
+    std::uint64_t head = 0;       ///< lines at its front that are none, though they look so
   };
   std::vector<Chunk> chunks;  ///< and a last one for the end of the text
   std::uint64_t count() const { return chunks.back().first_row; }
