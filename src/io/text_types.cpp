@@ -100,7 +100,8 @@ std::vector<Content> TextSource::contents() const {
     result.push_back({ContentKind::text, "the column of words '" + column + "'"});
   for (const std::string& column : rounded_columns_)
     result.push_back({ContentKind::text, "the last digits of the column '" + column + "', in which some are missing"});
-  if (layout_.shape.rule == RowRule::filled || layout_.shape.rule == RowRule::words) return result;
+  constexpr RowRule kWithoutRemarks[] = {RowRule::filled, RowRule::corners, RowRule::words};
+  if (std::ranges::find(kWithoutRemarks, layout_.shape.rule) != std::end(kWithoutRemarks)) return result;
   std::vector<std::uint64_t> remarks(block_count());
   for_each_block(remarks.size(), [&](std::size_t block) {
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t) {
