@@ -28,6 +28,34 @@ Json param_json(const Params& params, const ParamInfo& info) {
 
 constexpr double kRoundingRms = 0.288675;  // of a step, on each axis: 1 / sqrt(12)
 
+// ": 5 not finite or beyond 1e18, 2 isolated"; empty: none was kept.
+std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
+  std::string reasons;
+  const auto add = [&](std::uint64_t count, const char* reason) {
+    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
+  };
+  add(unmoved.non_finite, "not finite or beyond 1e18");
+  add(unmoved.too_few_neighbors, "with too few neighbours");
+  add(unmoved.no_normal, "without a normal");
+  const OutlierCounts& outliers = unmoved.outliers_by_reason;
+  add(outliers.isolated, "isolated");
+  add(outliers.off_surface, "off the surface");
+  add(outliers.mixed_pixels, "mixed pixels");
+  add(unmoved.boundary, "on the border of the mesh");
+  add(ignored, "ignored");
+  return reasons;
+}
+
+// Outliers that are not in the result were not kept in it.
+UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed) {
+  OutlierCounts& kept = unmoved.outliers_by_reason;
+  kept.isolated -= std::min(kept.isolated, removed.isolated);
+  kept.off_surface -= std::min(kept.off_surface, removed.off_surface);
+  kept.mixed_pixels -= std::min(kept.mixed_pixels, removed.mixed_pixels);
+  unmoved.outliers -= std::min(unmoved.outliers, removed.total());
+  return unmoved;
+}
+
 }  // namespace
 
 std::string_view type_name(ScalarType type) {
@@ -91,40 +119,31 @@ std::string noise_source(const Params& asked, const std::string& attribute) {
   return asked.noise.is_automatic() ? "estimated" : "given";
 }
 
-std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored) {
-  std::string reasons;
-  const auto add = [&](std::uint64_t count, const char* reason) {
-    if (count > 0) reasons += fmt::format("{}{} {}", reasons.empty() ? ": " : ", ", count, reason);
-  };
-  add(unmoved.non_finite, "not finite or beyond 1e18");
-  add(unmoved.too_few_neighbors, "with too few neighbours");
-  add(unmoved.no_normal, "without a normal");
-  const OutlierCounts& outliers = unmoved.outliers_by_reason;
-  add(outliers.isolated, "isolated");
-  add(outliers.off_surface, "off the surface");
-  add(outliers.mixed_pixels, "mixed pixels");
-  add(unmoved.boundary, "on the border of the mesh");
-  add(ignored, "ignored");
-  return reasons;
+Json unmoved_json(const PointCounts& counts) {
+  const UnmovedCounts& unmoved = counts.unmoved;
+  return {{"non_finite", unmoved.non_finite},
+          {"too_few_neighbors", unmoved.too_few_neighbors},
+          {"no_normal", unmoved.no_normal},
+          {"outliers", unmoved.outliers},
+          {"boundary", unmoved.boundary},
+          {"ignored", counts.ignored},
+          {"held", counts.held}};
 }
 
-UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed) {
-  OutlierCounts& kept = unmoved.outliers_by_reason;
-  kept.isolated -= std::min(kept.isolated, removed.isolated);
-  kept.off_surface -= std::min(kept.off_surface, removed.off_surface);
-  kept.mixed_pixels -= std::min(kept.mixed_pixels, removed.mixed_pixels);
-  unmoved.outliers -= std::min(unmoved.outliers, removed.total());
-  return unmoved;
+std::string points_told(const PointCounts& counts, const std::string& how) {
+  const UnmovedCounts unmoved = without_removed(counts.unmoved, counts.removed);
+  const std::uint64_t kept = unmoved.total() + counts.ignored, points = counts.points - counts.removed.total();
+  // A point without a normal may be counted in both `kept` and `held`.
+  const std::uint64_t denoised = points - std::min(points, kept + counts.held);
+  std::string text = fmt::format("{} points denoised {}, {} kept as they were{}\n", denoised, how, kept,
+                                 reasons_kept(unmoved, counts.ignored));
+  if (counts.held > 0) text += fmt::format("limits, such as --where and --box, held {} others in place\n", counts.held);
+  return text;
 }
 
-// A point without a normal may be counted in both `kept` and `held`.
-std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held) {
-  return points - std::min(points, kept + held);
-}
-
-std::string nothing_selected(std::uint64_t points, std::uint64_t non_finite, std::uint64_t ignored,
-                             std::uint64_t held) {
-  if (ignored + held == 0 || non_finite + ignored + held < points) return {};
+std::string nothing_selected(const PointCounts& counts) {
+  const std::uint64_t left_out = counts.ignored + counts.held;
+  if (left_out == 0 || counts.unmoved.non_finite + left_out < counts.points) return {};
   return "the limits, such as --where and --box, select no point, so nothing moved; pointfair info shows the bounds "
          "and the attributes";
 }

@@ -33,17 +33,19 @@ std::string noise_and_moves(std::optional<double> noise, const std::string& sour
 /// Where the noise comes from: "given", "estimated", or the attribute that has it.
 std::string noise_source(const Params& asked, const std::string& attribute);
 
-/// Why points kept their place: ": 5 not finite or beyond 1e18, 2 isolated"; the counts are all of `unmoved` and
-/// `ignored`. Empty where there are none.
-std::string reasons_kept(const UnmovedCounts& unmoved, std::uint64_t ignored);
-
-/// The counts without outliers that are not in the result, and so were not kept in it.
-UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& removed);
-
-/// How many points a run treated: those that it neither kept nor held.
-std::uint64_t count_denoised(std::uint64_t points, std::uint64_t kept, std::uint64_t held);
+/// The points of a run.
+struct PointCounts {
+  std::uint64_t points = 0;  // all
+  UnmovedCounts unmoved;
+  OutlierCounts removed;  // of these, not in the result
+  std::uint64_t ignored = 0, held = 0;
+};
+Json unmoved_json(const PointCounts& counts);
+/// "90 points denoised on cpu in 12.0 ms, 7 kept as they were: 5 not finite or beyond 1e18, 2 isolated", `how` being
+/// "on cpu in 12.0 ms", and a line that tells of those held.
+std::string points_told(const PointCounts& counts, const std::string& how);
 /// A sentence where the limits let no point move; empty: they let some.
-std::string nothing_selected(std::uint64_t points, std::uint64_t non_finite, std::uint64_t ignored, std::uint64_t held);
+std::string nothing_selected(const PointCounts& counts);
 Json bounds_json(const Cloud& cloud, const Estimates& estimates);  ///< in file coordinates
 Json attributes_json(const std::vector<AttributeInfo>& attributes);
 

@@ -19,20 +19,11 @@ Statistics displacement(const Cloud& before, const Cloud& after) {
   return summarize(lengths);
 }
 
-// Ignored points go into a run as points that are not finite.
-UnmovedCounts without(UnmovedCounts unmoved, std::uint64_t ignored) {
-  unmoved.non_finite -= std::min(unmoved.non_finite, ignored);
-  return unmoved;
-}
-
-Json unmoved_json(const UnmovedCounts& unmoved, const Findings& findings) {
-  return {{"non_finite", unmoved.non_finite},
-          {"too_few_neighbors", unmoved.too_few_neighbors},
-          {"no_normal", unmoved.no_normal},
-          {"outliers", unmoved.outliers},
-          {"boundary", unmoved.boundary},
-          {"ignored", findings.ignored},
-          {"held", findings.held}};
+PointCounts point_counts(const Report& report, const Findings& findings) {
+  PointCounts counts{report.points, report.unmoved, findings.removed, findings.ignored, findings.held};
+  // Ignored points go into a run as points that are not finite.
+  counts.unmoved.non_finite -= std::min(counts.unmoved.non_finite, findings.ignored);
+  return counts;
 }
 
 Json mesh_json(const MeshReport& mesh) {
@@ -184,7 +175,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"noise", noise_json(report, findings)},
           {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
-          {"unmoved", unmoved_json(without(report.unmoved, findings.ignored), findings)},
+          {"unmoved", unmoved_json(point_counts(report, findings))},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
           {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
@@ -205,14 +196,10 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     return;
   }
   if (with_details) print_details(report, findings.asked);
-  const UnmovedCounts unmoved = without_removed(without(report.unmoved, findings.ignored), findings.removed);
-  const std::uint64_t points = report.points - findings.removed.total();
-  const std::uint64_t kept = unmoved.total() + findings.ignored;
-  fmt::print(stderr, "{} points denoised on {} in {:.1f} ms, {} kept as they were{}\n",
-             count_denoised(points, kept, findings.held), device_name(report.device.kind), report.total_milliseconds,
-             kept, reasons_kept(unmoved, findings.ignored));
-  if (findings.held > 0)
-    fmt::print(stderr, "limits, such as --where and --box, held {} others in place\n", findings.held);
+  const PointCounts counts = point_counts(report, findings);
+  fmt::print(stderr, "{}",
+             points_told(counts, fmt::format("on {} in {:.1f} ms", device_name(report.device.kind),
+                                             report.total_milliseconds)));
   if (report.tiles > 1)
     fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
   fmt::print(stderr, "{}{}",
@@ -224,7 +211,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
   if (const SolverReport& solver = report.solver; solver.iterations > 0)
     fmt::print(stderr, "equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations,
                solver.residual);
-  const std::string none = nothing_selected(report.points, unmoved.non_finite, findings.ignored, findings.held);
+  const std::string none = nothing_selected(counts);
   if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
   for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
 }

@@ -91,6 +91,14 @@ Json noise_json(const TiledReport& report) {
   return json;
 }
 
+PointCounts point_counts(const TiledReport& report) {
+  const auto& of_reason = report.outcome.of_reason;
+  const bool removes = report.outlier_action.kind == OutlierAction::Kind::remove;
+  return {report.points, report.unmoved,
+          removes ? OutlierCounts{of_reason[1], of_reason[2], of_reason[3]} : OutlierCounts(), report.ignored,
+          report.held};
+}
+
 // `costs`: null where other processes did tasks.
 Json report_json(const TiledReport& report, const DeviceInfo& device, const Costs* costs) {
   const Displacement& moved = report.displacement;
@@ -102,16 +110,9 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"noise", noise_json(report)},
           {"rounding", rounding_json(report.step)},
           {"float_step", report.float_step},
-          {"unmoved",
-           {{"non_finite", report.unmoved.non_finite},
-            {"too_few_neighbors", report.unmoved.too_few_neighbors},
-            {"no_normal", report.unmoved.no_normal},
-            {"outliers", report.unmoved.outliers},
-            {"boundary", 0},
-            {"ignored", report.ignored},
-            {"held", report.held}}},
+          {"unmoved", unmoved_json(point_counts(report))},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
-          {"removed", report.outlier_action.kind == OutlierAction::Kind::remove ? report.outcome.outliers() : 0},
+          {"removed", point_counts(report).removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", nullptr},
           {"solver", nullptr},
@@ -123,21 +124,15 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
 }
 
 void print_summary(const TiledReport& report) {
-  const bool removes = report.outlier_action.kind == OutlierAction::Kind::remove;
-  const auto& of_reason = report.outcome.of_reason;
-  const OutlierCounts removed = removes ? OutlierCounts{of_reason[1], of_reason[2], of_reason[3]} : OutlierCounts();
-  const UnmovedCounts u = without_removed(report.unmoved, removed);
-  const std::uint64_t kept = u.non_finite + u.too_few_neighbors + u.no_normal + u.outliers + report.ignored;
-  fmt::print(stderr, "{} points denoised in {} {}, {} kept as they were{}\n",
-             count_denoised(report.points - removed.total(), kept, report.held), report.tiles,
-             report.tiles == 1 ? "tile" : "tiles", kept, reasons_kept(u, report.ignored));
-  if (report.held > 0) fmt::print(stderr, "limits, such as --where and --box, held {} others in place\n", report.held);
+  const PointCounts counts = point_counts(report);
+  fmt::print(stderr, "{}",
+             points_told(counts, fmt::format("in {} {}", report.tiles, report.tiles == 1 ? "tile" : "tiles")));
   const std::optional<double> given = given_noise(report);
   const std::string source = noise_source(report.asked, report.noise_attribute);
   fmt::print(stderr, "{}{}",
              noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
              rounding_text(report.step));
-  std::vector<std::string> notes = {nothing_selected(report.points, u.non_finite, report.ignored, report.held),
+  std::vector<std::string> notes = {nothing_selected(counts),
                                     coarse_steps(report.step, given.value_or(report.noise.value_or(0)))};
   const std::vector<std::string> doubtful = notes_on_run(report);
   notes.insert(notes.end(), doubtful.begin(), doubtful.end());

@@ -157,8 +157,7 @@ inline Params along_mesh(Method method = Method::bilateral) {
 
 // A mesh without faces is a cloud.
 inline Result run_on(const Device& device, const Mesh& mesh, const Params& params) {
-  Pipeline pipeline(device);
-  pipeline.load(mesh.points);
+  Pipeline pipeline = loaded(mesh.points, device);
   if (!mesh.faces.empty()) pipeline.set_faces(polygons_of(mesh.faces));
   Result result{Points(mesh.points.size()), {}};
   pipeline.run(params, result.points);

@@ -19,6 +19,14 @@
 
 namespace pointfair {
 
+// `cloud`: a Cloud, or its points.
+template <class Loaded>
+Pipeline loaded(const Loaded& cloud, const Device& device = Device::cpu) {
+  Pipeline pipeline(device);
+  pipeline.load(cloud);
+  return pipeline;
+}
+
 inline std::vector<Point> result_of(Pipeline& pipeline, std::span<const Point> points, const Params& params = {}) {
   std::vector<Point> out(points.size());
   pipeline.load(points);

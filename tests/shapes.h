@@ -16,8 +16,9 @@ namespace pointfair::shapes {
 
 using Points = std::vector<Point>;
 
-inline bool same_bits(const Points& a, const Points& b) {
-  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(Point)) == 0);
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0);
 }
 
 // splitmix64 (Steele, Lea, Flood 2014).

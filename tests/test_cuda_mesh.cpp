@@ -128,8 +128,7 @@ TEST_F(CudaMeshTest, a_stopped_run_can_be_repeated) {
   const Mesh mesh = torus(20000, 0.3);
   Params params{.connectivity = Connectivity::mesh, .iterations = 2};
   const meshes::Result expected = meshes::run(mesh, params);
-  Pipeline pipeline(Device::cuda);
-  pipeline.load(mesh.points);
+  Pipeline pipeline = loaded(mesh.points, Device::cuda);
   pipeline.set_faces(meshes::polygons_of(mesh.faces));
   shapes::Points out(mesh.points.size());
   for (const int calls : {2, 3, 4, 7}) {

@@ -67,15 +67,13 @@ TEST(Degenerate, one_two_and_three_points_keep_their_places_and_are_counted) {
 TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (const Points& points : {Points{}, Points(300, {nan, 0, 0}), shapes::identical(300), shapes::sphere(3)}) {
-    Pipeline pipeline(Device(Device::cpu, 0, 2));
-    pipeline.load(points);
+    Pipeline pipeline = loaded(points, Device(Device::cpu, 0, 2));
     const std::vector<Params> of_three = {Params{}};  // others need the spacing alone, which three points have
     for (const Params& params : points.size() == 3 ? of_three : all_kinds()) {
       SCOPED_TRACE(points.size());
       expect_error(ErrorKind::usage, "nothing to measure", [&] { pipeline.resolve(params); });
     }
-    Points out(points.size());
-    pipeline.run({}, out);
+    const Points out = pipeline.run({}).points;
     EXPECT_TRUE(same_bits(out, points));
     const Params given{.k = 8, .normal_sigma = 0.1, .closeness_sigma = 0.1, .similarity_sigma = 0.1, .iterations = 1};
     EXPECT_EQ(pipeline.resolve(given).k, 8);
@@ -83,8 +81,7 @@ TEST(Degenerate, no_parameters_are_resolved_where_nothing_can_be_measured) {
 }
 
 TEST(Degenerate, a_surface_without_noise_is_measured) {
-  Pipeline pipeline(Device(Device::cpu, 0, 2));
-  pipeline.load(shapes::sphere(3000));
+  Pipeline pipeline = loaded(shapes::sphere(3000), Device(Device::cpu, 0, 2));
   EXPECT_GT(pipeline.resolve({}).radius.value, 0);
 }
 
@@ -272,8 +269,7 @@ TEST(Degenerate, a_run_before_any_load_returns_no_points) {
 TEST(Degenerate, more_points_than_a_pipeline_holds_are_refused_with_the_limit) {
   for (const DeviceStatus& device : list_devices()) {
     if (!device.usable) continue;
-    Pipeline pipeline(device.info.kind);
-    pipeline.load(shapes::sphere(100));
+    Pipeline pipeline = loaded(shapes::sphere(100), device.info.kind);
     Point point{};
     const std::span<const Point> too_many(&point, kMaxPoints + 1);
     const test::Thrown thrown = test::thrown_by([&] { pipeline.load(too_many); });
@@ -285,8 +281,7 @@ TEST(Degenerate, more_points_than_a_pipeline_holds_are_refused_with_the_limit) {
 }
 
 TEST(Degenerate, an_output_of_another_size_is_refused_with_both_counts) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(shapes::sphere(100));
+  Pipeline pipeline = loaded(shapes::sphere(100));
   Points out(99);
   expect_error(ErrorKind::usage, "99", [&] { pipeline.run({}, out); });
   expect_error(ErrorKind::usage, "100", [&] { pipeline.run({}, out); });

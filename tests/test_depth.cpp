@@ -17,6 +17,7 @@ namespace {
 
 constexpr std::size_t kWidth = 97, kHeight = 61;
 using Depths = std::vector<float>;
+using shapes::same_bits;
 
 // 1 / depth of a plane is linear in the pixels. The right third is `step` farther.
 Depths plane_with_jump(double step) {
@@ -45,10 +46,6 @@ double mean_error(const Depths& a, const Depths& b, std::size_t first_column = 0
   for (std::size_t i = 0; i < a.size(); ++i)
     if (i % kWidth >= first_column && i % kWidth < last_column) sum += std::abs(double(a[i]) - b[i]);
   return sum / double(kHeight * (last_column - first_column));
-}
-
-bool same_bits(const Depths& a, const Depths& b) {
-  return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(float)) == 0;
 }
 
 // The same by plain loops over pixels in double precision (docs/how-it-works.md).

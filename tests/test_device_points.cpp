@@ -19,8 +19,7 @@ TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which
   const std::vector<Point> points = shapes::sphere(500);
   std::vector<float> place(3 * points.size());
   Params params{.k = 8};
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
+  Pipeline pipeline = loaded(points);
   const DeviceOutput out{place.data(), points.size()};
   expect_error(ErrorKind::usage, "make it with Device::cuda", [&] { pipeline.run(params, out, {}); });
   std::vector<Point> result(points.size());
@@ -31,8 +30,7 @@ TEST(DevicePoints, an_output_on_a_card_is_refused_by_a_pipeline_on_the_cpu_which
 }
 
 TEST(DevicePoints, an_output_of_another_size_is_refused_first) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(shapes::sphere(500));
+  Pipeline pipeline = loaded(shapes::sphere(500));
   expect_error(ErrorKind::usage, "holds 499 points", [&] { pipeline.run({}, DeviceOutput{nullptr, 499}, {}); });
 }
 

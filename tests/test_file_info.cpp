@@ -102,8 +102,7 @@ TEST(FileInfos, AGeographicSystemIsOneOfDegrees) {
 
 TEST(FileInfos, ACloudInDegreesIsNotDenoised) {
   const std::string degrees = "GEOGCS[\"WGS 84\",DATUM[\"d\"],UNIT[\"degree\",0.017]]";
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(parse(las_with({{2112, degrees}}), "a.las"));
+  Pipeline pipeline = loaded(parse(las_with({{2112, degrees}}), "a.las"));
   EXPECT_GT(pipeline.estimates().spacing, 0);
   const Thrown thrown = thrown_by([&] { pipeline.run({}); });
   EXPECT_EQ(thrown.kind, ErrorKind::file);

@@ -14,6 +14,7 @@
 #include "forwarding_backend.h"
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pointfair.hpp"
+#include "runs.h"
 #include "seam/backend.hpp"
 #include "shapes.h"
 
@@ -40,8 +41,7 @@ std::vector<std::pair<std::string, Params>> kinds_of_runs() {
 
 TEST(GivenNoise, equal_to_the_estimate_gives_the_same_parameters_and_points) {
   for (const auto& [name, automatic] : kinds_of_runs()) {
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(hills());
+    Pipeline pipeline = loaded(hills());
     Params given = automatic;
     given.noise = pipeline.estimates().noise;
     EXPECT_EQ(pipeline.resolve(given), pipeline.resolve(automatic)) << name;
@@ -54,8 +54,7 @@ TEST(GivenNoise, equal_to_the_estimate_gives_the_same_parameters_and_points) {
 }
 
 TEST(GivenNoise, is_read_in_every_unit) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(hills());
+  Pipeline pipeline = loaded(hills());
   const Estimates estimates = pipeline.estimates();
   Params params{.noise = 0.02};
   const Params expected = pipeline.resolve(params);
@@ -68,8 +67,7 @@ TEST(GivenNoise, is_read_in_every_unit) {
 }
 
 TEST(GivenNoise, sets_what_is_automatic_and_leaves_what_is_given) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(hills());
+  Pipeline pipeline = loaded(hills());
   const Params used = pipeline.resolve({.noise = 0.05, .min_neighbors = 20, .similarity_sigma = 0.01});
   EXPECT_EQ(used.min_neighbors, 20);
   EXPECT_EQ(used.similarity_sigma, Length(0.01));
@@ -123,8 +121,7 @@ TEST(GivenNoise, is_not_estimated_where_nothing_else_of_the_estimate_is_read) {
 
 // The radius of a list follows from the density alone, which must then be measured.
 TEST(GivenNoise, widths_in_radii_of_a_list_are_no_less_than_those_that_are_automatic) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(hills());
+  Pipeline pipeline = loaded(hills());
   Params params{.k = 16, .similarity_sigma = 0.03, .outliers = Outliers::off};
   const double automatic = pipeline.resolve(params).closeness_sigma.value;  // half the radius
   params.normal_sigma = {1, Length::Unit::radius};

@@ -77,8 +77,7 @@ TEST(HiddenSurface, is_not_seen_in_noise_however_large) {
   for (const double spacings : {0.6, 1.0, 2.0, 4.0})
     for (const unsigned seed : {1u, 2u}) {
       const Points points = shapes::with_noise(shapes::plane(20000), spacings / std::sqrt(20000.0), seed);
-      Pipeline pipeline(Device::cpu);
-      pipeline.load(points);
+      Pipeline pipeline = loaded(points);
       EXPECT_EQ(pipeline.estimates().without_surface, 0) << spacings << " " << seed;
     }
 }

@@ -91,8 +91,7 @@ TEST(HostBuffer, outlives_its_pipeline_and_moves) {
 TEST(Report, names_every_stage_once_on_every_device) {
   for (const DeviceStatus& device : list_devices()) {
     if (!device.usable) continue;
-    Pipeline pipeline(device.info.kind);
-    pipeline.load(shapes::with_noise(shapes::waves(3000), 0.002));
+    Pipeline pipeline = loaded(shapes::with_noise(shapes::waves(3000), 0.002), device.info.kind);
     Params params{.k = 8, .normal_sigma = 0.05, .closeness_sigma = 0.05, .similarity_sigma = 0.05};
     const auto names = [&] {
       std::vector<Point> out(3000);

@@ -94,8 +94,7 @@ TEST(Learned, leaves_less_noise_than_the_default_run_and_stays_near_its_result) 
 
 TEST(Learned, clean_clouds_move_by_a_hundredth_of_the_spacing_at_most) {
   for (const Points& points : {shapes::waves(20000), shapes::sphere(20000), shapes::cube(20000)}) {
-    Pipeline pipeline(Device(Device::cpu));
-    pipeline.load(points);
+    Pipeline pipeline = loaded(points, Device(Device::cpu));
     const double spacing = pipeline.estimates().spacing;
     const Points moved = learned(points);
     double squares = 0;

@@ -139,8 +139,7 @@ TEST(NoiseLevels, keep_to_a_noise_that_is_given) {
 }
 
 TEST(NoiseLevels, are_told_as_quantiles) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(two_halves());
+  Pipeline pipeline = loaded(two_halves());
   const auto [quiet, typical, loud] = pipeline.estimates().noise_quantiles;
   EXPECT_NEAR(quiet, kQuiet, 0.25 * kQuiet);
   EXPECT_NEAR(loud, kLoud, 0.25 * kLoud);

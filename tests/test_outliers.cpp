@@ -97,8 +97,7 @@ TEST(Outliers, are_marked_and_no_other_point_is) {
 
 TEST(Outliers, are_marked_in_an_attribute_of_a_free_name) {
   Cloud cloud{.points = with_outliers(noisy_plane()).points};
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(cloud);
+  Pipeline pipeline = loaded(cloud);
   const Cloud once = pipeline.run(with(Outliers::mark));
   const Attribute marks = attribute(once, "outlier");
   EXPECT_EQ(marks.type, ScalarType::uint8);

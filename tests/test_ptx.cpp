@@ -129,6 +129,23 @@ TEST(Ptx, IntensityColoursAndScansAreAttributes) {
   EXPECT_EQ(losses(cloud, Format::ply)[0].find("600 points without a colour become white"), 0U);
 }
 
+TEST(Ptx, ScansMayHaveColoursInThePlaceOfIntensities) {
+  const std::string start = header(Scan{.points = sphere(1, 1)}), first = start + "1 2 3 0.5\n" + start;
+  Cloud cloud = parse(first + "4 5 6 10 20 30\n", "scan.ptx");
+  EXPECT_EQ(values<float>(cloud, "intensity")[0], 0.5F);
+  EXPECT_TRUE(std::isnan(values<float>(cloud, "intensity")[1]) && std::isnan(values<float>(cloud, "red")[0]));
+  EXPECT_EQ(values<float>(cloud, "red")[1], 10);
+  EXPECT_EQ(values<float>(cloud, "blue")[1], 30);
+  cloud.added = {make_attribute("blue", ScalarType::float32, std::vector<float>{7, 8})};
+  EXPECT_EQ(image(cloud, Format::ptx), first + "4 5 6 10 20 8\n");
+}
+
+TEST(Ptx, TheScanOfAPointIsNoValueOfItsRow) {
+  Cloud cloud = parse(ptx(two_scans()), "scan.ptx");
+  cloud.added = {make_attribute("scan", ScalarType::uint32, std::vector<std::uint32_t>(1000, 7))};
+  expect_error(ErrorKind::usage, "by where it stands", [&] { image(cloud, Format::ptx); });
+}
+
 TEST(Ptx, TheScannersStoodWhereTheHeadersSay) {
   const std::vector<Scan> scans = two_scans();
   const std::vector<Position> places = file_viewpoints(parse(ptx(scans), "scan.ptx"));
@@ -248,6 +265,8 @@ TEST(Ptx, DamagedFilesAreRefused) {
   refused("400\n", "18446744073709551615\n", "the file ends after");
   refused("400\n", "0\n", "");
   refused("\n0 0 1 0\n", "\n0 0 1 2\n", "line 9");
+  refused("0.000 0.000 0.000 0.070000", "0.000 q 0.000 0.070000", "line 18: 'q' is not a number; repair the line");
+  refused("0.000 0.000 0.000 0.070000 7 7 255", "1 2", "line 18: too few values: '1 2'; points need x, y and z");
   refusal("1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n1 0 0 0\n0 0 1 0\n0 0 0 1\n1 2 3 1\n", "a.ptx");
 }
 

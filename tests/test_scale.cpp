@@ -220,8 +220,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
   }
   text.close();
   const Cloud whole = read(folder / "in.xyz");
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(whole);
+  Pipeline pipeline = loaded(whole);
   write(folder / "whole.xyz", pipeline.run());
   TiledRun::plan({.inputs = {folder / "in.xyz"}, .output = folder / "out.xyz", .least_tiles = 3}, folder / "work");
   // as if another had been guessed
@@ -253,8 +252,7 @@ TEST(Scale, the_origin_is_that_of_the_whole_file_where_the_guess_is_another) {
 TEST(Scale, several_workers_share_the_tiles_and_leave_the_bits_of_one) {
   const Folder folder;
   write(folder / "in.ply", {.points = shapes::with_noise(shapes::sphere(30000), 0.004)});
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(read(folder / "in.ply"));
+  Pipeline pipeline = loaded(read(folder / "in.ply"));
   write(folder / "whole.ply", pipeline.run());
   TiledJob job{.inputs = {folder / "in.ply"},
                .output = folder / "out.ply",

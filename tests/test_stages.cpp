@@ -13,6 +13,7 @@
 #include "pipeline/pipeline_access.hpp"
 #include "pointfair/pipeline.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "shapes.h"
 
 namespace pointfair {
@@ -42,8 +43,7 @@ double mean_radius(const Points& points, const reference::Settings& settings) {
 
 // A wrong neighbour or weight shows by far more than `allowed`.
 void expect_like_reference(const Points& points, const Params& params, const std::string& what) {
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
+  Pipeline pipeline = loaded(points);
   Points out(points.size()), normals(points.size());
   pipeline.run(params, out);
   pipeline.normals(normals);
@@ -202,8 +202,7 @@ TEST(Stages, agree_with_the_reference_where_radii_grow) {
 
 TEST(Stages, balls_grow_where_the_surface_is_flat_and_nowhere_else) {
   const Points points = shapes::with_noise(shapes::cube(4000), 0.002);
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
+  Pipeline pipeline = loaded(points);
   Params params = one_iteration(0.06);
   params.k = kAutomatic;
   params.radius = 0.1;

@@ -25,8 +25,7 @@ TEST(ViewerSession, SavesWhatTheLibraryWrites) {
   EXPECT_TRUE(session.receive(
       R"({"type":"save","id":1,"output":"denoised.ply","params":{"k":"12"},"limits":{"strength":"0.5"}})"));
   page.wait_for("saved", 1);
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(cloud);
+  Pipeline pipeline = loaded(cloud);
   Cloud fair = pipeline.run({.k = 12});
   apply_limits({.strength = 0.5}, cloud, fair);
   write(folder / "expected.ply", fair);

@@ -9,6 +9,7 @@
 
 #include "meddling_backend.h"
 #include "pipeline/pipeline_access.hpp"
+#include "runs.h"
 #include "seam/backend.hpp"
 #include "viewer_seat.h"
 
@@ -191,8 +192,7 @@ TEST(ViewerSession, WhatIsWrongWithAMessageIsSaidInWords) {
 TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
   Points points = noisy(3000);
   points[10].x = std::numeric_limits<float>::quiet_NaN();
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
+  Pipeline pipeline = loaded(points);
   std::vector<float> expected(points.size());
   pipeline.noise(expected);
   Seat seat(points);
@@ -215,8 +215,7 @@ TEST(ViewerSession, AResultSaysWhyItMayNotBeWhatItSeems) {
   Points scattered = shapes::plane(300);
   std::mt19937 random(1);
   for (Point& p : scattered) p.z = std::uniform_real_distribution<float>(0, 1)(random);  // a cube without a surface
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(scattered);
+  Pipeline pipeline = loaded(scattered);
   const Estimates estimates = pipeline.estimates();
   Seat seat(scattered);
   seat.ask(run_text(1, Json::object()));

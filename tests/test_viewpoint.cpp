@@ -204,8 +204,7 @@ TEST(Viewpoint, may_be_told_for_each_point) {
 
 TEST(Viewpoint, is_forgotten_by_the_next_load) {
   const Scan cloud = scan();
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(cloud.points);
+  Pipeline pipeline = loaded(cloud.points);
   pipeline.set_viewpoint({&kSensor, 1});
   Points out(cloud.points.size());
   pipeline.run({}, out);
@@ -266,8 +265,7 @@ TEST(AlongRay, ends_on_the_same_plane) {
                 .similarity_sigma = 0.05,
                 .outliers = Outliers::off,
                 .iterations = 1};
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(points);
+  Pipeline pipeline = loaded(points);
   pipeline.set_viewpoint({&sensor, 1});
   Points normal(points.size()), ray(points.size()), normals(points.size());
   pipeline.run(params, normal);

@@ -223,8 +223,7 @@ class Walk {
 
   // A run leaves a cloud where nothing can be measured as it is; there is nothing to resolve on it.
   std::string refusal_of_fresh() const {
-    Pipeline fresh(Device(Device::cpu, 0, 2));
-    fresh.load(points());
+    Pipeline fresh = loaded(points(), Device(Device::cpu, 0, 2));
     if (told_ != Told::nothing) fresh.set_viewpoint(viewpoints(told_, points().size()));
     try {
       fresh.resolve(params_);

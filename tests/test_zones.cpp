@@ -270,8 +270,7 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
       WriteOptions options{.overwrite = true};
       write(named("in"), cloud, options);
       cloud = read(named("in"));
-      Pipeline pipeline(Device::cpu);
-      pipeline.load(cloud);
+      Pipeline pipeline = loaded(cloud);
       const Cloud denoised = pipeline.run({});
       write(named("memory"), denoised, options);
       TiledJob job{.inputs = {named("in")}, .output = named("tiles")};
@@ -295,8 +294,7 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
 
 TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
   const Cloud cloud = make_cloud(towns(1e7, 0.25));
-  Pipeline pipeline(Device::cpu);
-  pipeline.load(cloud);
+  Pipeline pipeline = loaded(cloud);
   pipeline.run(Params{});
   EXPECT_EQ(pipeline.report().stages.front().name, "zones");
   pipeline.run({.method = Method::implicit});
@@ -312,8 +310,7 @@ TEST(Zones, arrays_of_doubles_give_what_a_file_of_them_gives) {
   const Cloud file = read(path);
   std::vector<std::vector<Position>> results;
   for (const Cloud* const cloud : {&array, &file}) {
-    Pipeline pipeline(Device::cpu);
-    pipeline.load(*cloud);
+    Pipeline pipeline = loaded(*cloud);
     EXPECT_LT(pipeline.estimates().float_step, 0.002);
     Cloud moved = pipeline.run({});
     apply_limits({.box = Box{{5e5 - 10, 0, 0}, {5e5 + 10, 6e6, 200}}}, *cloud, moved);

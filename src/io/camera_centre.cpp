@@ -36,18 +36,15 @@ Least least_of(Matrix a) {
         const double theta = (a[q][q] - a[p][p]) / (2 * a[p][q]);
         const double t = (theta >= 0 ? 1 : -1) / (std::abs(theta) + std::sqrt(theta * theta + 1));
         const double c = 1 / std::sqrt(t * t + 1), s = t * c;
+        const auto turn = [c, s](double& x, double& y) {
+          const double before = x;
+          x = c * before - s * y;
+          y = s * before + c * y;
+        };
+        for (std::size_t k = 0; k < kUnknowns; ++k) turn(a[k][p], a[k][q]);
         for (std::size_t k = 0; k < kUnknowns; ++k) {
-          const double kp = a[k][p], kq = a[k][q];
-          a[k][p] = c * kp - s * kq;
-          a[k][q] = s * kp + c * kq;
-        }
-        for (std::size_t k = 0; k < kUnknowns; ++k) {
-          const double pk = a[p][k], qk = a[q][k];
-          a[p][k] = c * pk - s * qk;
-          a[q][k] = s * pk + c * qk;
-          const double vp = vectors[k][p], vq = vectors[k][q];
-          vectors[k][p] = c * vp - s * vq;
-          vectors[k][q] = s * vp + c * vq;
+          turn(a[p][k], a[q][k]);
+          turn(vectors[k][p], vectors[k][q]);
         }
       }
     }

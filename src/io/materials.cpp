@@ -14,12 +14,6 @@ bool same_word(std::string_view a, std::string_view b) {
   return std::ranges::equal(a, b, [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
 }
 
-std::string_view trimmed(std::string_view text) {
-  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
-  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
-  return text;
-}
-
 // How many words follow an option of a picture; those of the last three take up to three numbers.
 struct Option {
   std::string_view name;
@@ -60,10 +54,10 @@ std::vector<LibraryPicture> library_pictures(std::string_view text) {
     std::string_view line = text.substr(0, end), key;
     text.remove_prefix(std::min(end + 1, text.size()));
     if (!next_word(line, key)) continue;
-    if (same_word(key, "newmtl")) material = trimmed(line);
+    if (same_word(key, "newmtl")) material = without_blanks(line);
     if (!same_word(key, "map_Kd")) continue;
     const bool altered = take_options(line);
-    if (const std::string_view name = trimmed(line); !name.empty())
+    if (const std::string_view name = without_blanks(line); !name.empty())
       pictures.push_back({material, std::string(name), altered});
   }
   return pictures;

@@ -37,7 +37,6 @@ class ObjSource : public TextSource {
 
   std::vector<Column> columns() const override {
     std::vector<Column> columns = TextSource::columns();
-    own_columns_ = columns.size();
     if (!point_normals().empty()) {
       for (const char* name : kNormals) columns.push_back({name, NativeType::float32, 1});
     }
@@ -45,16 +44,16 @@ class ObjSource : public TextSource {
   }
 
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override {
-    if (index < own_columns_) return TextSource::extract_block(index, block, out);
+    if (index < attribute_count()) return TextSource::extract_block(index, block, out);
     const std::size_t first = static_cast<std::size_t>(block_begin(block));
     for (std::size_t i = 0; i < block_size(block); ++i) {
-      const float value = point_normals().of(first + i)[index - own_columns_];
+      const float value = point_normals().of(first + i)[index - attribute_count()];
       std::copy_n(reinterpret_cast<const char*>(&value), sizeof value, out.data() + i * sizeof value);
     }
   }
 
   std::string why_fixed(std::size_t column) const override {
-    if (column < own_columns_) return {};
+    if (column < attribute_count()) return {};
     return "OBJ files have normals on lines of their own, which are not renewed; choose PLY, or leave them as they are";
   }
 
@@ -128,7 +127,6 @@ class ObjSource : public TextSource {
   mutable std::once_flag parsed_, looked_;
   mutable ObjParts parts_;
   mutable bool has_normals_ = false;
-  mutable std::size_t own_columns_ = 0;
 };
 
 }  // namespace

@@ -26,13 +26,6 @@ std::array<float, kCount> numbers(std::string_view words) {
   return result;
 }
 
-// What follows a keyword: a name, which may have blanks.
-std::string_view rest_of(std::string_view words) {
-  while (!words.empty() && is_blank(words.front())) words.remove_prefix(1);
-  while (!words.empty() && is_blank(words.back())) words.remove_suffix(1);
-  return words;
-}
-
 // Collects all but the faces.
 class PartsReader {
  public:
@@ -77,7 +70,7 @@ class PartsReader {
     next_word(words, key);
     parts_.can_lose_points = parts_.can_lose_points && !names_points_otherwise(key, words);
     if (key == "usemtl" || key == "mtllib") {
-      const std::string name(rest_of(words));
+      const std::string name(without_blanks(words));
       if (key == "mtllib")
         parts_.materials.libraries.push_back(name);
       else if (known_.emplace(name, known_.size()).second)
@@ -195,7 +188,7 @@ void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& vi
     so_far.take(kind);
     std::string_view key;
     if (kind == ObjLine::other && !materials.empty() && next_word(words, key) && key == "usemtl")
-      visitor.use(materials.at(rest_of(words)));
+      visitor.use(materials.at(without_blanks(words)));
     if (kind != ObjLine::face) return;
     face.clear();
     texture.clear();

@@ -2,7 +2,6 @@
 // Reading and writing PCD.
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <cstring>
 #include <limits>
 #include <mutex>
@@ -102,9 +101,7 @@ class PcdSource : public Base {
     if (header_.height <= 1) return result;
     result.grid_width = header_.width, result.grid_height = header_.height;
     if (told_sensor() || !camera()) return result;
-    std::string place;
-    for (const double value : *camera()) append_number(value, place);
-    result.rows.push_back({"sensor", place + ", where the rays of the grid meet"});
+    result.rows.push_back({"sensor", listed_numbers(*camera(), 6) + ", where the rays of the grid meet"});
     return result;
   }
 
@@ -167,12 +164,6 @@ class PcdSource : public Base {
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
     return camera_;
-  }
-
-  static void append_number(double value, std::string& list) {
-    char digits[32];
-    const int length = std::snprintf(digits, sizeof digits, "%s%.6g", list.empty() ? "" : ", ", value);
-    list.append(digits, static_cast<std::size_t>(length));
   }
 
   std::string header_of(const Edits& edits) const {

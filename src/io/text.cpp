@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <limits>
 
@@ -125,6 +126,23 @@ std::vector<std::string_view> words_of(std::string_view line, char separator) {
   for (std::string_view word; next_word(line, word, separator);) words.push_back(word);
   if (ends_with_separator(whole, separator)) words.emplace_back(line.data(), 0);
   return words;
+}
+
+std::string listed_numbers(std::span<const double> values, int digits) {
+  std::string list;
+  for (const double value : values) {
+    char text[32];
+    const int length = std::snprintf(text, sizeof text, "%.*g", digits, value + 0.0);  // no -0
+    if (!list.empty()) list += ", ";
+    list.append(text, static_cast<std::size_t>(length));
+  }
+  return list;
+}
+
+std::string_view without_blanks(std::string_view text) {
+  while (!text.empty() && is_blank(text.front())) text.remove_prefix(1);
+  while (!text.empty() && is_blank(text.back())) text.remove_suffix(1);
+  return text;
 }
 
 std::string lower_case(std::string_view word) {

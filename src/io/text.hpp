@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -84,6 +85,12 @@ void append_number(std::string& to, double value);
 void append_number(std::string& to, float value);
 void append_scalar(std::string& to, const char* from, NativeType type);
 void append_as(std::string& to, double value, NativeType type);
+
+/// Numbers for people, with so many digits and commas between them.
+std::string listed_numbers(std::span<const double> values, int digits);
+
+/// Without the blanks at both ends.
+std::string_view without_blanks(std::string_view text);
 
 /// A coordinate that moved, in place of `word`: no fewer decimals than the word had, and enough to resolve a tenth of
 /// the last bit of `offset`, the coordinate as a float relative to the cloud's origin.

@@ -63,20 +63,29 @@ struct TextSource::WordEdit {
   std::string text;
 };
 
-void TextSource::append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis,
+// Of a block.
+struct TextSource::BlockEdits {
+  std::size_t block;
+  const Moves& moves;
+  const Edits& edits;
+  std::vector<TextColumn> attributes;
+};
+
+void TextSource::append_coordinate(std::string& to, std::string_view word, double value, float offset,
                                    bool exact) const {
   if (layout_.integers) return append_as(to, value, NativeType::int64);
   if (exact) return append_as(to, value, NativeType::float64);
   const bool has_point = layout_.decimal != ',' || word.find('.') != std::string_view::npos;
-  if (has_point) return append_moved(to, word, value, static_cast<float>(value - origin()[axis]));
+  if (has_point) return append_moved(to, word, value, offset);
   std::string plain(word), text;
   std::replace(plain.begin(), plain.end(), ',', '.');
-  append_moved(text, plain, value, static_cast<float>(value - origin()[axis]));
+  append_moved(text, plain, value, offset);
   to += with_comma(std::move(text));
 }
 
-void TextSource::edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place,
-                          const Edits& edits, std::vector<WordEdit>& edited) const {
+void TextSource::edit_row(std::string_view line, std::size_t place, const BlockEdits& its,
+                          std::vector<WordEdit>& edited) const {
+  const auto& [block, moves, edits, attributes] = its;
   edited.clear();
   if (moves.changed[place] != 0) {
     const auto words = coordinate_words(line);
@@ -84,15 +93,16 @@ void TextSource::edit_row(std::string_view line, std::uint64_t point, const Move
       if ((moves.changed[place] >> axis & 1) == 0) continue;
       edited.push_back({words[axis], {}});
       // what was given keeps its digits
-      append_coordinate(edited.back().text, words[axis], moves.values[place][axis], axis, edits.placed != nullptr);
+      append_coordinate(edited.back().text, words[axis], moves.values[place][axis],
+                        offset_of(block, moves.values[place], axis), edits.placed != nullptr);
     }
   }
   std::vector<std::string_view> words;
   for (const Replacement& replacement : edits.replaced) {
-    const TextColumn& column = attributes_[replacement.column];
+    const TextColumn& column = attributes[replacement.column];
     column_words(line, layout_, column, words);
     for (std::uint32_t c = 0; c < column.components; ++c) {
-      const double value = replacement.value(point, c);
+      const double value = replacement.value(block_begin(block) + place, c);
       if (words[c].data() == nullptr || is_same(number(words[c]), value, replacement.values->type)) continue;
       edited.push_back({words[c], {}});
       append_as(edited.back().text, value, column.guessed ? native(replacement.values->type) : column.type);
@@ -109,14 +119,15 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const Edits
   to.reserve(text.size() + text.size() / 4);
   PatchedText patched(text, to);
   std::vector<WordEdit> edited;
+  const BlockEdits its{block, moves, edits, attributes_of(block)};
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t place) {
     if (place < 0) return;
-    const std::uint64_t point = block_begin(block) + static_cast<std::uint64_t>(place);
-    edit_row(line, point, moves, static_cast<std::size_t>(place), edits, edited);
+    edit_row(line, static_cast<std::size_t>(place), its, edited);
     for (const WordEdit& edit : edited) patched.replace(edit.word, edit.text);
     if (layout_.extendable && !edits.added.empty()) {
       patched.copy_up_to(line.data() + end_of_words(line, layout_));
-      append_added_words(edits.added, point, added_separator(line, layout_.separator), layout_.decimal, to);
+      append_added_words(edits.added, block_begin(block) + static_cast<std::uint64_t>(place),
+                         added_separator(line, layout_.separator), layout_.decimal, to);
     }
   });
   patched.finish();

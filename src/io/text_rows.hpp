@@ -17,6 +17,7 @@ enum class RowRule : std::uint8_t {
   uncommented,  ///< and does not begin with '#', '%' or "//"
   counted,      ///< and has more than one word: a line with one says how many rows follow
   vertices,     ///< lines whose first word is "v"; a line that ends in '\' goes on in the next
+  corners,      ///< lines whose first word is "vertex", in letters of any size
   words,        ///< so many words, whatever lines they stand on
 };
 
@@ -31,6 +32,7 @@ struct TextRows {
   struct Chunk {
     std::size_t begin = 0;        ///< in the text
     std::uint64_t first_row = 0;  ///< rows before it
+    std::uint64_t head = 0;       ///< lines at its front that are none, though they look so
   };
   std::vector<Chunk> chunks;  ///< and a last one for the end of the text
   std::uint64_t count() const { return chunks.back().first_row; }
@@ -47,6 +49,14 @@ inline bool has_several_words(std::string_view line) {
   return has_further_words(at, end);
 }
 
+/// Whether a line begins with this word of small letters, in letters of any size, behind no blanks.
+inline bool begins_with_word(std::string_view line, std::string_view word) {
+  if (line.size() < word.size()) return false;
+  for (std::size_t i = 0; i < word.size(); ++i)
+    if ((line[i] | 0x20) != word[i]) return false;
+  return line.size() == word.size() || is_blank(line[word.size()]);
+}
+
 inline bool is_row(std::string_view line, RowRule rule) {
   const char* at = line.data();
   const char* const end = at + line.size();
@@ -54,6 +64,7 @@ inline bool is_row(std::string_view line, RowRule rule) {
   if (at == end) return false;
   if (rule == RowRule::vertices) return *at == 'v' && at + 1 != end && is_blank(at[1]);
   if (rule == RowRule::filled || rule == RowRule::words) return true;
+  if (rule == RowRule::corners) return begins_with_word({at, static_cast<std::size_t>(end - at)}, "vertex");
   if (*at == '#') return std::string_view(at, static_cast<std::size_t>(end - at)).starts_with("#N/A");  // of Excel
   if (*at == '%' || (*at == '/' && at + 1 != end && at[1] == '/')) return false;
   return rule != RowRule::counted || has_several_words({at, static_cast<std::size_t>(end - at)});

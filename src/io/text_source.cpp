@@ -100,7 +100,7 @@ std::array<std::string_view, 3> TextSource::coordinate_words(std::string_view li
   }
   if (found < 3 || (layout_.exact && columns < wanted))
     fail_at(line.data(), "too few values: " + quoted(line.substr(0, line.find('\r'))) +
-                             "; points need x, y and z: repair or remove the line");
+                             "; points need x, y and z: " + layout_.advice);
   if (layout_.exact && row.next(kind, word))
     fail_at(line.data(), "more values than the header names, from " + quoted(word) + " on; repair the line");
   return result;
@@ -136,7 +136,7 @@ void TextSource::positions(std::size_t block, std::span<Position> out) const {
     const auto words = coordinate_words(line);
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::optional<double> value = number(words[axis]);
-      if (!value) fail_at(line.data(), quoted(words[axis]) + " is not a number; repair or remove the line");
+      if (!value) fail_at(line.data(), quoted(words[axis]) + " is not a number; " + layout_.advice);
       out[static_cast<std::size_t>(point)][axis] = *value;
     }
   });
@@ -149,9 +149,18 @@ bool TextSource::take_plain_numbers(PlainRow& row, const TextColumn& column, cha
   const bool is_wide = size_of(column.type) == 8 && is_integer(column.type);
   for (std::uint32_t c = 0; c < column.components; ++c, to += size_of(column.type)) {
     std::string_view word;
+    unsigned count = 0;
+    if (row.is_at_end()) {  // the number is missing
+      store_double(to, column.type, false, std::numeric_limits<double>::quiet_NaN());
+      continue;
+    }
     double value = 0;
     if (is_wide && row.word(word) && to_integer(word, column.type, to)) continue;
-    if (is_wide || !row.number(value)) return false;
+    if (column.type == NativeType::uint8 && row.short_count(count)) {
+      value = count;
+    } else if (is_wide || !row.number(value)) {
+      return false;
+    }
     store_double(to, column.type, false, value);
   }
   return true;
@@ -179,21 +188,22 @@ void TextSource::extract_block(std::size_t index, std::size_t block, std::span<c
 // The attributes stand in a row in their order, so that one walk along it finds them all.
 void TextSource::extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const {
   std::vector<std::string_view> words;
+  const std::vector<TextColumn> attributes = attributes_of(block);
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
     PlainRow row(line, layout_.separator);
     bool is_plain = plain_;
     std::size_t at = 0;
-    for (std::size_t a = 0; a < attributes_.size(); ++a) {
+    for (std::size_t a = 0; a < attributes.size(); ++a) {
       if (out[a].empty()) continue;
-      const TextColumn& column = attributes_[a];
+      const TextColumn& column = attributes[a];
       char* const to = out[a].data() + static_cast<std::size_t>(point) * column_bytes(column);
       is_plain = is_plain && column.first >= at && row.skip(column.first - at) && take_plain_numbers(row, column, to);
       if (!is_plain) take_numbers(line, column, words, to);
       at = column.first + column.components;
     }
   });
-  for (std::size_t c = attributes_.size(); c < out.size(); ++c)  // not in the rows
+  for (std::size_t c = attributes.size(); c < out.size(); ++c)  // not in the rows
     if (!out[c].empty()) extract_block(c, block, out[c]);
 }
 

@@ -25,7 +25,9 @@ class PlainRow;    // a usual row, word by word
 struct TextColumn : Column {
   std::size_t first = 0;
   bool typed = true;
-  bool optional = false;  ///< there is no such attribute unless some row has it
+  bool optional = false;     ///< there is no such attribute unless some row has it
+  bool has_numbers = false;  ///< a word that is none is an error, also where the type is unknown
+  bool is_fraction = false;  ///< floats where they hold the numbers, whatever digits those happen to have
 };
 
 struct TextLayout {
@@ -43,6 +45,7 @@ struct TextLayout {
   bool doubles = false;                ///< a coordinate is declared as a double
   std::vector<TextColumn> attributes;  ///< in their order
   bool extendable = true;              ///< columns may be appended
+  std::string advice = "repair or remove the line";  ///< where a point is damaged
 };
 
 /// Of a vertex of OBJ: leaves the words behind it empty from the remark on that may follow.
@@ -70,6 +73,13 @@ class TextSource : public Source {
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
   std::string_view tail() const override { return bytes().substr(layout_.end); }
+  /// Of columns() those in the rows; and where they stand in the rows of a block. After columns() was called.
+  std::size_t attribute_count() const { return attributes_.size(); }
+  virtual std::vector<TextColumn> attributes_of(std::size_t) const { return attributes_; }
+  /// How far a moved position of a block is from the origin along an axis, which says how many digits it has.
+  virtual float offset_of(std::size_t, const Position& position, std::size_t axis) const {
+    return static_cast<float>(position[axis] - origin()[axis]);
+  }
   const TextLayout& layout() const { return layout_; }
   std::string_view block_text(std::size_t block) const;
   std::size_t row_begin(std::uint64_t row) const;  ///< in the file
@@ -93,10 +103,10 @@ class TextSource : public Source {
   void find_types() const;
   std::optional<double> number(std::string_view word) const;
   std::optional<double> number_with_comma(std::string_view word) const;
-  void append_coordinate(std::string& to, std::string_view word, double value, std::size_t axis, bool exact) const;
+  void append_coordinate(std::string& to, std::string_view word, double value, float offset, bool exact) const;
   struct WordEdit;
-  void edit_row(std::string_view line, std::uint64_t point, const Moves& moves, std::size_t place, const Edits& edits,
-                std::vector<WordEdit>& words) const;
+  struct BlockEdits;
+  void edit_row(std::string_view line, std::size_t place, const BlockEdits& edits, std::vector<WordEdit>& words) const;
 
   static constexpr std::size_t kNotPlain = static_cast<std::size_t>(-1);
 
@@ -117,10 +127,11 @@ void append_added_words(const AddedAttributes& added, std::uint64_t point, char 
 template <class Visit>
 void TextSource::for_each_line(std::size_t block, const Visit& visit) const {
   std::string_view text = block_text(block), line;
-  std::uint64_t row = layout_.rows.chunks[block].first_row;
+  std::uint64_t row = layout_.rows.chunks[block].first_row, head = layout_.rows.chunks[block].head;
   std::ptrdiff_t point = 0;
   while (next_row(text, line, layout_.shape)) {
-    const bool data = is_row(line, layout_.shape.rule);
+    bool data = is_row(line, layout_.shape.rule);
+    if (data && head > 0) data = false, --head;
     const bool is_point = data && row - layout_.first_row < layout_.count;
     row += data;
     visit(line, is_point ? point++ : -1);

@@ -44,10 +44,11 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
   std::vector<Narrowest> seen(attributes_.size());
   if (!ends_with_z_.empty() && ends_with_z_[block]) return seen;
   std::vector<std::size_t> owner;  // the attribute in each column, or as many as there are for none
-  for (std::size_t a = 0; a < attributes_.size(); ++a) {
-    if (attributes_[a].typed && !attributes_[a].optional) continue;
-    owner.resize(std::max(owner.size(), attributes_[a].first + 1), attributes_.size());
-    owner[attributes_[a].first] = a;
+  const std::vector<TextColumn> attributes = attributes_of(block);
+  for (std::size_t a = 0; a < attributes.size(); ++a) {
+    if (attributes[a].typed && !attributes[a].optional) continue;
+    owner.resize(std::max(owner.size(), attributes[a].first + 1), attributes.size());
+    owner[attributes[a].first] = a;
   }
   const auto first = static_cast<std::size_t>(
       std::find_if(owner.begin(), owner.end(), [&](std::size_t a) { return a < seen.size(); }) - owner.begin());
@@ -73,8 +74,10 @@ void TextSource::find_types() const {
     if (!is_known(column)) {
       Narrowest all;
       for (const std::vector<Narrowest>& block : seen) all.merge(block[a]);
-      if (!all.numbers && !column.typed) text_columns_.push_back(column.name);
-      if (!all.filled || (!all.numbers && !column.typed)) continue;
+      const bool has_words = !all.numbers && !column.typed && !column.has_numbers;
+      if (has_words) text_columns_.push_back(column.name);
+      if (!all.filled || has_words) continue;
+      if (column.is_fraction && all.fits_float) all.integers = false;
       if (!column.typed) column.type = all.type();
       column.guessed = !column.typed;
       if (column.guessed && all.has_wide && !is_integer(column.type)) rounded_columns_.push_back(column.name);
@@ -97,7 +100,8 @@ std::vector<Content> TextSource::contents() const {
     result.push_back({ContentKind::text, "the column of words '" + column + "'"});
   for (const std::string& column : rounded_columns_)
     result.push_back({ContentKind::text, "the last digits of the column '" + column + "', in which some are missing"});
-  if (layout_.shape.rule == RowRule::filled || layout_.shape.rule == RowRule::words) return result;
+  constexpr RowRule kWithoutRemarks[] = {RowRule::filled, RowRule::corners, RowRule::words};
+  if (std::ranges::find(kWithoutRemarks, layout_.shape.rule) != std::end(kWithoutRemarks)) return result;
   std::vector<std::uint64_t> remarks(block_count());
   for_each_block(remarks.size(), [&](std::size_t block) {
     for_each_line(block, [&](std::string_view line, std::ptrdiff_t) {

@@ -27,6 +27,14 @@ void for_mesh_blocks(std::size_t items, const ForEach& for_each, const Body& bod
            [&](std::size_t block) { body(block * kMeshBlock, std::min(items, (block + 1) * kMeshBlock), block); });
 }
 
+// Calls body(i) for each of `items` items, many at once.
+template <class Body>
+void for_mesh_items(std::size_t items, const ForEach& for_each, const Body& body) {
+  for_mesh_blocks(items, for_each, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t i = first; i < last; ++i) body(i);
+  });
+}
+
 // How many items i are such that is(i).
 template <class Is>
 std::uint64_t count_items(std::size_t items, const ForEach& for_each, const Is& is) {

@@ -138,17 +138,14 @@ void even_out(const OrderedFaces& faces, std::span<const std::uint8_t> stays, do
   copy_places(start);
   for (int round = 0; round < kRounds; ++round) {
     copy_places(before);
-    for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t f = first; f < last; ++f) moments[f] = face_moment(faces.corners(f), before);
-    });
-    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (auto v = std::uint32_t(first); v < last; ++v) {
-        if (stays[v] != 0 || !is_indexed(before[v])) continue;
-        const Around around =
-            look_around(faces, before, v, [&](std::uint32_t f) -> const FaceMoment& { return moments[f]; });
-        if (round == 0) across[v] = across_at(faces, before, v, noise[v]);
-        places[v] = within_reach(place_of(start, v), stepped(around, before, v, share, across[v]), noise[v]);
-      }
+    for_mesh_items(faces.size(), for_each, [&](std::size_t f) { moments[f] = face_moment(faces.corners(f), before); });
+    for_mesh_items(places.size(), for_each, [&](std::size_t vertex) {
+      const auto v = std::uint32_t(vertex);
+      if (stays[v] != 0 || !is_indexed(before[v])) return;
+      const Around around =
+          look_around(faces, before, v, [&](std::uint32_t f) -> const FaceMoment& { return moments[f]; });
+      if (round == 0) across[v] = across_at(faces, before, v, noise[v]);
+      places[v] = within_reach(place_of(start, v), stepped(around, before, v, share, across[v]), noise[v]);
     });
   }
 }

@@ -102,11 +102,7 @@ void follow_filtered_normals(const OrderedFaces& faces, const MeshTopology& mesh
                              std::span<const double> noise, std::span<Point> places, const ForEach& for_each) {
   platform::LargeVector<Normal> normals(faces.size()), filtered(faces.size());
   platform::LargeVector<FaceWeight> weights(faces.size());
-  const auto for_faces = [&](const auto& body) {
-    for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t f = first; f < last; ++f) body(f);
-    });
-  };
+  const auto for_faces = [&](const auto& body) { for_mesh_items(faces.size(), for_each, body); };
   for_faces([&](std::size_t f) {
     const Vec normal = face_normal(faces.corners(f), places);
     normals[f] = as_floats(unit_or_zero(normal));

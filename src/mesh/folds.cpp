@@ -22,11 +22,7 @@ Folds::Folds(const OrderedFaces& faces, const MeshTopology& mesh, std::span<cons
       once_(faces.size()),
       folded_(faces.size()),
       is_stale_(faces.size()) {
-  const auto for_faces = [&](const auto& body) {
-    for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t f = first; f < last; ++f) body(f);
-    });
-  };
+  const auto for_faces = [&](const auto& body) { for_mesh_items(faces.size(), for_each, body); };
   for_faces([&](std::size_t f) { normals_[f] = face_normal(faces_.corners(f), places); });
   for_faces([&](std::size_t f) { once_[f] = filtered(normals_, f); });
   for_faces([&](std::size_t f) {

@@ -51,22 +51,18 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
           for (const std::uint32_t count : parts[part].sizes) emit(*next, FaceVertices(next, count)), next += count;
         }
       });
-  for_mesh_blocks(vertices.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t v = first; v < last; ++v) {
-      const std::span<FaceVertices> its = sorted.of(v);
-      std::sort(its.begin(), its.end(), [](FaceVertices a, FaceVertices b) {
-        return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
-      });
-    }
+  for_mesh_items(vertices.size(), for_each, [&](std::size_t v) {
+    const std::span<FaceVertices> its = sorted.of(v);
+    std::sort(its.begin(), its.end(), [](FaceVertices a, FaceVertices b) {
+      return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
+    });
   });
   faces_.ends.resize(sorted.items.size());
   const auto size = [&](std::size_t f) { return sorted.items[f].size(); };
   faces_.corners.resize(place_in_order(faces_.ends.size(), for_each, size,
                                        [&](std::size_t f, std::size_t begin) { faces_.ends[f] = begin + size(f); }));
-  for_mesh_blocks(faces_.ends.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t f = first; f < last; ++f)
-      std::copy(sorted.items[f].begin(), sorted.items[f].end(),
-                faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
+  for_mesh_items(faces_.ends.size(), for_each, [&](std::size_t f) {
+    std::copy(sorted.items[f].begin(), sorted.items[f].end(), faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
   });
 }
 
@@ -79,10 +75,9 @@ void OrderedFaces::collect_around(std::size_t vertices, const ForEach& for_each)
   faces_.around_begin = std::move(around.begin);
   faces_.around_faces = std::move(around.items);
   beside_.resize(faces_.around_faces.size());
-  for_mesh_blocks(vertices, for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t v = first; v < last; ++v)
-      for (std::size_t i = faces_.around_begin[v]; i < faces_.around_begin[v + 1]; ++i)
-        beside_[i] = beside_of(corners(faces_.around_faces[i]), std::uint32_t(v));
+  for_mesh_items(vertices, for_each, [&](std::size_t v) {
+    for (std::size_t i = faces_.around_begin[v]; i < faces_.around_begin[v + 1]; ++i)
+      beside_[i] = beside_of(corners(faces_.around_faces[i]), std::uint32_t(v));
   });
 }
 

@@ -100,16 +100,14 @@ class Block {
 // Moves the faces across each face's edges to its first slots.
 void gather_across(const OrderedFaces& faces, const ForEach& for_each, MeshTopology& mesh) {
   mesh.across_count.resize(faces.size());
-  for_mesh_blocks(faces.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t f = first; f < last; ++f) {
-      MeshTopology::Across* const its = mesh.across.data() + faces.first_corner(f);
-      MeshTopology::Across* const end =
-          std::remove_if(its, its + faces.corners(f).size(), [](const auto& across) { return across.face == kNoFace; });
-      std::sort(its, end, [](const auto& a, const auto& b) {
-        return std::tie(a.face, a.is_opposite) < std::tie(b.face, b.is_opposite);
-      });
-      mesh.across_count[f] = std::uint32_t(end - its);
-    }
+  for_mesh_items(faces.size(), for_each, [&](std::size_t f) {
+    MeshTopology::Across* const its = mesh.across.data() + faces.first_corner(f);
+    MeshTopology::Across* const end =
+        std::remove_if(its, its + faces.corners(f).size(), [](const auto& across) { return across.face == kNoFace; });
+    std::sort(its, end, [](const auto& a, const auto& b) {
+      return std::tie(a.face, a.is_opposite) < std::tie(b.face, b.is_opposite);
+    });
+    mesh.across_count[f] = std::uint32_t(end - its);
   });
 }
 

@@ -63,15 +63,13 @@ platform::LargeVector<Placed> along_curve(std::span<const Point> points, const F
           emit(std::uint32_t(place >> 3 * (kStepBits - kPartBits)), Placed{place, std::uint32_t(i)});
         }
       });
-  for_mesh_blocks(parts, for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t part = first; part < last; ++part) {
-      const std::span<Placed> its = by_part.of(part);
-      std::sort(its.begin(), its.end(), [&](const Placed& a, const Placed& b) {
-        if (a.curve != b.curve) return a.curve < b.curve;
-        const Point &p = points[a.point], &q = points[b.point];
-        return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);
-      });
-    }
+  for_mesh_items(parts, for_each, [&](std::size_t part) {
+    const std::span<Placed> its = by_part.of(part);
+    std::sort(its.begin(), its.end(), [&](const Placed& a, const Placed& b) {
+      if (a.curve != b.curve) return a.curve < b.curve;
+      const Point &p = points[a.point], &q = points[b.point];
+      return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);
+    });
   });
   return std::move(by_part.items);
 }
@@ -80,9 +78,7 @@ platform::LargeVector<Placed> along_curve(std::span<const Point> points, const F
 
 platform::LargeVector<Point> Vertices::places(std::span<const Point> points, const ForEach& for_each) const {
   platform::LargeVector<Point> result(size());
-  for_mesh_blocks(size(), for_each, [&](std::size_t begin, std::size_t last, std::size_t) {
-    for (std::size_t v = begin; v < last; ++v) result[v] = points[first[v]];
-  });
+  for_mesh_items(size(), for_each, [&](std::size_t v) { result[v] = points[first[v]]; });
   return result;
 }
 

@@ -104,17 +104,13 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
   const ForEach for_each = cloud.backend().sampling().on_host();
   const auto start = Clock::now();
   platform::LargeVector<Point> places(edges.vertices()), found_by_stages(edges.vertices());
-  for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t v = first; v < last; ++v) places[v] = found_by_stages[v] = out[edges.first[v]];
-  });
+  for_mesh_items(places.size(), for_each, [&](std::size_t v) { places[v] = found_by_stages[v] = out[edges.first[v]]; });
   std::optional<Folds> folds;
   if (const double share = used.tangential.value_or(0); share > 0) {
     platform::LargeVector<std::uint8_t> stays(places.size());
-    for_mesh_blocks(places.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-      for (std::size_t v = first; v < last; ++v) {
-        const Point &now = places[v], &before = its.places[v];
-        stays[v] = edges.is_boundary[v] != 0 || (now.x == before.x && now.y == before.y && now.z == before.z);
-      }
+    for_mesh_items(places.size(), for_each, [&](std::size_t v) {
+      const Point &now = places[v], &before = its.places[v];
+      stays[v] = edges.is_boundary[v] != 0 || (now.x == before.x && now.y == before.y && now.z == before.z);
     });
     const platform::LargeVector<double> by_steps =
         noise_by_steps(its.faces, stays, sigma_of(used), its.places, places, for_each);
@@ -128,11 +124,9 @@ MeshReport Pipeline::State::finish_mesh(const Params& used, std::span<Point> out
   }
   if (!folds) folds.emplace(its.faces, its.topology, places, for_each);
   unfold(*folds, its.folded, its.places, places);
-  for_mesh_blocks(out.size(), for_each, [&](std::size_t first, std::size_t last, std::size_t) {
-    for (std::size_t i = first; i < last; ++i) {
-      const std::uint32_t v = edges.vertex[i];
-      if (v != kNoVertex && std::memcmp(&places[v], &found_by_stages[v], sizeof(Point)) != 0) out[i] = places[v];
-    }
+  for_mesh_items(out.size(), for_each, [&](std::size_t i) {
+    const std::uint32_t v = edges.vertex[i];
+    if (v != kNoVertex && std::memcmp(&places[v], &found_by_stages[v], sizeof(Point)) != 0) out[i] = places[v];
   });
   log_.note("faces", milliseconds_since(start));
   MeshReport found = its.topology.found;

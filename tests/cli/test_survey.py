@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What surveyors ask for: classes, units, integer grids, normals that go stale, files that are cut off."""
+"""What surveyors ask for: classes, units, integer grids, normals that go stale."""
 import unittest
 
 from program import Case, positions, read_ply, run, sphere_points, write_ply
@@ -144,21 +144,6 @@ class Survey(Case):
             self.assertIn("note: COPC files keep their points in the order of an octree", said)
             self.ok("run", self.path("again.copc.laz"), self.path("back.las"), "--strength", "0", "-q")
             self.assertEqual(sorted(las_grid(self.path("back.las"))), sorted(las_grid(self.las)))
-
-    def test_cut_off_anywhere(self):
-        write_e57(self.path("scan.e57"), ground(400))
-        names = ["tile.las"]
-        if self.is_built_in("run", self.las, self.path("tile.laz"), "--strength", "0", "-q"):
-            names.append("tile.laz")
-        if self.is_built_in("info", self.path("scan.e57")):
-            names.append("scan.e57")
-        for name in names:
-            data = self.path(name).read_bytes()
-            cut = self.path("cut" + name[-4:])
-            for size in list(range(0, len(data), 1000)) + [len(data) - 1]:
-                cut.write_bytes(data[:size])
-                self.fails(3, "run", cut, self.path("out" + name[-4:]), says=cut.name)
-            cut.unlink()
 
 
 class Normals(Case):

@@ -2,7 +2,10 @@
 #include "io/e57/bounds.hpp"
 
 #include <algorithm>
+#include <array>
+#include <optional>
 #include <pugixml.hpp>
+#include <string_view>
 
 #include "io/text.hpp"
 
@@ -35,18 +38,20 @@ class Widener {
 
   void widen_scan(const pugi::xml_node& scan, const Extent& extent) {
     for (std::size_t c = 0; c < kFields.size(); ++c) {
-      if (extent.min[c] > extent.max[c]) continue;
+      const BoxOf<double>& box = c < 3 ? extent.cartesian : extent.spherical;
+      const double least = box.min[c % 3], most = box.max[c % 3];
+      if (least > most) continue;
       const pugi::xml_node field = scan.child("points").child("prototype").child(kFields[c]);
       if (std::string_view(field.attribute("type").value()) == "Float") {
         const bool single = std::string_view(field.attribute("precision").value()) == "single";
-        widen_attribute(field, "minimum", extent.min[c], true, single);
-        widen_attribute(field, "maximum", extent.max[c], false, single);
+        widen_attribute(field, "minimum", least, true, single);
+        widen_attribute(field, "maximum", most, false, single);
       }
       const std::string bound = kBounds[c];
       const pugi::xml_node bounds = scan.child(c < 3 ? "cartesianBounds" : "sphericalBounds");
       if (bound.empty()) continue;
-      widen_element(bounds.child((bound + "Minimum").c_str()), extent.min[c], true);
-      widen_element(bounds.child((bound + "Maximum").c_str()), extent.max[c], false);
+      widen_element(bounds.child((bound + "Minimum").c_str()), least, true);
+      widen_element(bounds.child((bound + "Maximum").c_str()), most, false);
     }
   }
 
@@ -92,12 +97,10 @@ class Widener {
     if (edits_.empty()) return xml_;
     std::sort(edits_.begin(), edits_.end(), [](const Edit& a, const Edit& b) { return a.begin < b.begin; });
     std::string result;
-    std::size_t done = 0;
-    for (const Edit& edit : edits_) {
-      result.append(xml_, done, edit.begin - done).append(edit.text);
-      done = edit.end;
-    }
-    result.append(xml_, done);
+    PatchedText patched(xml_, result);
+    for (const Edit& edit : edits_)
+      patched.replace(std::string_view(xml_).substr(edit.begin, edit.end - edit.begin), edit.text);
+    patched.finish();
     result.resize(std::max(result.size(), xml_.size()), '\n');
     return result;
   }
@@ -108,22 +111,6 @@ class Widener {
 };
 
 }  // namespace
-
-void Extent::add(const Position& cartesian, const Position* spherical) {
-  for (std::size_t c = 0; c < 6; ++c) {
-    if (c >= 3 && !spherical) break;
-    const double value = c < 3 ? cartesian[c] : (*spherical)[c - 3];
-    min[c] = std::min(min[c], value);
-    max[c] = std::max(max[c], value);
-  }
-}
-
-void Extent::add(const Extent& other) {
-  for (std::size_t c = 0; c < 6; ++c) {
-    min[c] = std::min(min[c], other.min[c]);
-    max[c] = std::max(max[c], other.max[c]);
-  }
-}
 
 std::string widened_bounds(const std::string& xml, const std::vector<Extent>& extents) {
   return Widener(xml).widen(extents);

@@ -2,25 +2,22 @@
 // The bounds of coordinates that the XML section of an E57 file names.
 #pragma once
 
-#include <array>
-#include <limits>
 #include <string>
 #include <vector>
 
-#include "io/source.hpp"
+#include "io/box_of.hpp"
+#include "pointfair/positions.hpp"
 
 namespace pointfair::io::e57 {
 
-/// The least and the greatest coordinates of points of a scan: x, y, z, range, azimuth, elevation.
+/// The least and the greatest coordinates of points of a scan: x, y, z; range, azimuth, elevation.
 struct Extent {
-  std::array<double, 6> min, max;
+  BoxOf<double> cartesian, spherical;
 
-  Extent() {
-    min.fill(std::numeric_limits<double>::infinity());
-    max.fill(-std::numeric_limits<double>::infinity());
+  void add(const Extent& other) {
+    cartesian.add(other.cartesian);
+    spherical.add(other.spherical);
   }
-  void add(const Position& cartesian, const Position* spherical);
-  void add(const Extent& other);
 };
 
 /// The XML section with each bound that a scan's extent exceeds moved out to it; all else as it is, and no shorter.

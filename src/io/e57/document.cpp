@@ -18,11 +18,6 @@ namespace {
 
 constexpr std::size_t kHeaderSize = 48;
 
-std::string_view trimmed(std::string_view text) {
-  const auto begin = text.find_first_not_of(" \t\r\n"), end = text.find_last_not_of(" \t\r\n");
-  return begin == std::string_view::npos ? std::string_view() : text.substr(begin, end - begin + 1);
-}
-
 class Parser {
  public:
   Parser(const std::string& xml, const std::string& name) : name_(name) {
@@ -51,7 +46,7 @@ class Parser {
   }
 
   double number(std::string_view text, double absent) const {
-    text = trimmed(text);
+    text = without_blanks(text);
     if (text.empty()) return absent;
     const std::optional<double> value = to_number(text);
     if (!value || !std::isfinite(*value)) fail_number(text);
@@ -65,7 +60,7 @@ class Parser {
   }
   template <class T>
   T integer(const pugi::xml_node& node, const char* key, T absent) const {
-    const std::string_view text = trimmed(node.attribute(key).value());
+    const std::string_view text = without_blanks(node.attribute(key).value());
     if (text.empty()) return absent;
     T value{};
     const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);

@@ -86,7 +86,8 @@ class E57Writer {
       Extent extent;
       for (std::size_t i = 0; i < moved.changed.size(); ++i) {
         if (moved.changed[i] == 0) continue;
-        extent.add(moved.cartesian[i], moved.spherical.empty() ? nullptr : &moved.spherical[i]);
+        extent.cartesian.add(moved.cartesian[i]);
+        if (!moved.spherical.empty()) extent.spherical.add(moved.spherical[i]);
       }
       const std::lock_guard lock(guard);
       extents[scan].add(extent);

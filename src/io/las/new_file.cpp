@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "io/box_of.hpp"
 #include "io/formats.hpp"
 #include "io/intensity.hpp"
 #include "io/las/codec.hpp"
@@ -22,21 +23,16 @@ constexpr std::size_t kHeaderSize = 375;
 
 [[noreturn]] void refuse(const std::string& message) { throw Error(ErrorKind::usage, message); }
 
-struct Range {
-  Position min, max;
-};
+using Range = BoxOf<double>;
 
 void include(const Position& position, Range& range) {
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    if (!std::isfinite(position[axis]))
-      refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
-    range.min[axis] = std::min(range.min[axis], position[axis]);
-    range.max[axis] = std::max(range.max[axis], position[axis]);
-  }
+  if (!std::ranges::all_of(position, [](double value) { return std::isfinite(value); }))
+    refuse("a LAS file holds finite coordinates only, and the cloud has others; write PLY or PCD, or remove them");
+  range.add(position);
 }
 
 Range range_of(const std::vector<Position>& positions) {
-  Range range{positions.front(), positions.front()};
+  Range range;
   for (const Position& position : positions) include(position, range);
   return range;
 }
@@ -254,11 +250,9 @@ class NewFile {
 }  // namespace las
 
 void check_new_las(const Cloud& cloud, std::optional<double> scale) {
-  const auto position = [&](const Point& point) {
-    return Position{cloud.origin[0] + point.x, cloud.origin[1] + point.y, cloud.origin[2] + point.z};
-  };
-  las::Range range{position(cloud.points.front()), position(cloud.points.front())};
-  for (const Point& point : cloud.points) las::include(position(point), range);
+  las::Range range;
+  for (const Point& p : cloud.points)
+    las::include({cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z}, range);
   las::choose_scaling(range, scale);
 }
 

@@ -2,13 +2,13 @@
 #include "io/las/source.hpp"
 
 #include <algorithm>
-#include <cstdio>
 #include <filesystem>
 
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
 #include "io/las/coordinate_system.hpp"
 #include "io/parallel.hpp"
+#include "io/text.hpp"
 #include "platform/path_text.hpp"
 
 namespace pointfair::io {
@@ -70,16 +70,6 @@ std::vector<std::string> LasSource::losses(Encoding) const {
 FileInfo LasSource::info() const {
   const Header& header = layout_.header;
   const CoordinateSystem system = coordinate_system(header);
-  const auto numbers = [](const std::array<double, 3>& values) {
-    std::string text;
-    for (const double value : values) {
-      if (!text.empty()) text += ", ";
-      char digits[32];
-      const int length = std::snprintf(digits, sizeof digits, "%.15g", value + 0.0);  // no -0
-      text.append(digits, static_cast<std::size_t>(length));
-    }
-    return text;
-  };
   FileInfo result;
   result.metres_per_unit = system.metres_per_unit;
   result.is_geographic = system.is_geographic;
@@ -87,8 +77,8 @@ FileInfo LasSource::info() const {
   result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
                  {"point_format", std::to_string(header.point_format)},
                  {"coordinate_system", system.name},
-                 {"scale", numbers(header.scaling.scale)},
-                 {"offset", numbers(header.scaling.offset)},
+                 {"scale", listed_numbers(header.scaling.scale, 15)},
+                 {"offset", listed_numbers(header.scaling.offset, 15)},
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
   if (layout_.is_copc()) result.rows.front().value += ", COPC";

@@ -8,12 +8,12 @@
 
 #include "io/file_bytes.hpp"
 #include "io/text.hpp"
-#include "io/text_source.hpp"
 
 namespace pointfair::io::ptx {
 namespace {
 
 constexpr std::uint64_t kHeaderLines = 10;
+constexpr std::size_t kCoordinates = 3;
 
 // Takes the next line that is not blank.
 bool next_filled(std::string_view& rest, std::string_view& line) {
@@ -82,33 +82,38 @@ int read_header(std::string_view& rest, Scan& scan) {
   return invert(scan.pose.axes, scan.pose.inverse) ? 0 : 9;
 }
 
-// What stands behind the coordinates, by the number of values in a row.
-std::vector<std::string> names_of(std::size_t values) {
+// What stands behind the coordinates, by the number of words in a row.
+std::vector<std::string> names_of(std::size_t words) {
   static const std::vector<std::string> kNames = {"intensity", "red", "green", "blue"};
+  const std::size_t values = words - std::min(words, kCoordinates);
   if (values == 3) return {kNames.begin() + 1, kNames.end()};
   std::vector<std::string> names(kNames.begin(), kNames.begin() + std::ptrdiff_t(std::min(values, kNames.size())));
   while (names.size() < values) names.push_back("column_" + std::to_string(names.size() + 4));
   return names;
 }
 
-std::size_t count_words(std::string_view line) {
-  std::size_t words = 0;
-  for (std::string_view word; next_word(line, word);) ++words;
-  return words;
+// Adds the columns that no scan before has.
+void add_columns(const Scan& scan, TextLayout& text) {
+  text.columns.resize(std::max(text.columns.size(), kCoordinates + scan.value_names.size()), ColumnKind::other);
+  if (text.columns.size() > kMaxTextColumns) return;  // as TextSource tells
+  for (const std::string& name : scan.value_names) {
+    if (std::ranges::find(text.attributes, name, &TextColumn::name) != text.attributes.end()) continue;
+    TextColumn& column = text.attributes.emplace_back(TextColumn{{name, NativeType::float32, 1}});
+    column.typed = false;
+    column.has_numbers = true;
+    column.is_fraction = name == "intensity";
+  }
 }
 
-// Cuts the points of a scan where the chunks of the text are cut.
-void add_blocks(const TextRows& rows, std::uint64_t first_row, const Scan& scan, Layout& layout) {
-  if (scan.count() == 0) return;
-  const std::size_t number = layout.scans.size();
-  layout.blocks.push_back({number, scan.points_begin, scan.points_end, scan.first_point});
-  auto chunk = std::upper_bound(rows.chunks.begin(), rows.chunks.end(), scan.points_begin,
-                                [](std::size_t at, const TextRows::Chunk& c) { return at < c.begin; });
-  for (; chunk != rows.chunks.end() && chunk->begin < scan.points_end; ++chunk) {
-    if (chunk->first_row >= first_row + scan.count()) break;  // nothing but blank lines follows
-    layout.blocks.back().end = chunk->begin;
-    layout.blocks.push_back({number, chunk->begin, scan.points_end, scan.first_point + chunk->first_row - first_row});
-  }
+// Cuts the points of a scan where all lines of the text, `rows`, are cut.
+void add_blocks(const TextRows& rows, std::uint64_t first_row, std::size_t begin, std::uint64_t points,
+                Layout& layout) {
+  auto& chunks = layout.text.rows.chunks;
+  chunks.push_back({begin, layout.text.count, kHeaderLines});
+  auto chunk = std::ranges::upper_bound(rows.chunks, first_row, {}, &TextRows::Chunk::first_row);
+  for (; chunk != rows.chunks.end() && chunk->first_row < first_row + points; ++chunk)
+    chunks.push_back({chunk->begin, layout.text.count + chunk->first_row - first_row});
+  layout.scan_of_block.resize(chunks.size(), layout.scans.size());
 }
 
 }  // namespace
@@ -139,6 +144,9 @@ bool looks_like_ptx(std::string_view text) {
 Layout find_scans(std::string_view text, const std::string& name) {
   const TextRows rows = find_rows(text, {RowRule::filled});
   Layout layout;
+  layout.text.extendable = false;
+  layout.text.advice = "repair the line";  // whose number the header tells
+  layout.text.columns = {ColumnKind::x, ColumnKind::y, ColumnKind::z};
   for (std::uint64_t row = 0; row < rows.count();) {
     Scan scan;
     const std::size_t begin = begin_of_row(text, rows, {RowRule::filled}, row);
@@ -154,22 +162,17 @@ Layout find_scans(std::string_view text, const std::string& name) {
       fail(name, which + ": its header promises " + std::to_string(scan.columns) + " x " + std::to_string(scan.rows) +
                      " points, the file ends after " + std::to_string(left) +
                      "; copy the file again or correct the header");
-    scan.first_point = layout.size;
-    scan.points_begin = text.size() - rest.size();
-    scan.points_end = begin_of_row(text, rows, {RowRule::filled}, row + scan.count());
     std::string_view first;
-    if (scan.count() != 0 && next_filled(rest, first)) {
-      const std::size_t words = count_words(first);
-      if (words > kMaxTextColumns)
-        fail(name, which + ": has " + std::to_string(words) + " values in a row; leave some out");
-      scan.value_names = names_of(words - std::min<std::size_t>(words, 3));
-    }
-    add_blocks(rows, row, scan, layout);
-    layout.size += scan.count();
+    if (scan.count() != 0 && next_filled(rest, first)) scan.value_names = names_of(words_of(first).size());
+    add_columns(scan, layout.text);
+    add_blocks(rows, row, layout.scans.empty() ? 0 : begin, scan.count(), layout);
+    layout.text.doubles = layout.text.doubles || !scan.pose.is_identity;
+    layout.text.count += scan.count();
     row += scan.count();
     layout.scans.push_back(std::move(scan));
   }
-  if (layout.size == 0) fail(name, "has no points; choose another file");
+  if (layout.text.count == 0) fail(name, "has no points; choose another file");
+  layout.text.rows.chunks.push_back({text.size(), layout.text.count});
   return layout;
 }
 

@@ -8,6 +8,7 @@
 #include <string_view>
 #include <vector>
 
+#include "io/text_source.hpp"
 #include "pointfair/positions.hpp"
 
 namespace pointfair::io::ptx {
@@ -29,26 +30,17 @@ struct Scan {
   std::uint64_t columns = 0, rows = 0;
   Position scanner{};  ///< where the header says that the scanner stood
   Pose pose;
-  std::uint64_t first_point = 0;                 ///< among those of all scans
-  std::vector<std::string> value_names;          ///< of what follows x, y, z in a row
-  std::size_t points_begin = 0, points_end = 0;  ///< in the text
+  std::vector<std::string> value_names;  ///< of what follows x, y, z in a row
 
   std::uint64_t count() const { return columns * rows; }
   /// Whether the header is more than what programs write that know nothing.
   bool has_place() const { return !pose.is_identity || scanner != Position{}; }
 };
 
-/// Consecutive points of one scan.
-struct Block {
-  std::size_t scan = 0;
-  std::size_t begin = 0, end = 0;  ///< in the text
-  std::uint64_t first_point = 0;
-};
-
 struct Layout {
   std::vector<Scan> scans;
-  std::vector<Block> blocks;
-  std::uint64_t size = 0;  ///< points
+  TextLayout text;                         ///< with the values of all scans
+  std::vector<std::size_t> scan_of_block;  ///< of the text
 };
 
 /// Throws Error(file) for a header that is none, and for a text that ends before its last point.
