@@ -79,6 +79,13 @@ void check_writable(const fs::path& path, bool overwrite) {
     fail(path, fmt::format("cannot create files in {}: {}", folder.string(), why));
 }
 
+bool are_one_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  if (fs::equivalent(a, b, error)) return true;
+  const fs::path name = fs::weakly_canonical(fs::absolute(a, error), error);
+  return !name.empty() && name == fs::weakly_canonical(fs::absolute(b, error), error);
+}
+
 void check_not_same(const fs::path& input, const fs::path& output, std::string_view advice) {
   if (input == "-" || output == "-") return;
   std::error_code error;

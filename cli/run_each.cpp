@@ -45,6 +45,12 @@ std::vector<Row> planned(const RunArguments& arguments) {
   return rows;
 }
 
+std::vector<fs::path> files_of(const std::vector<Row>& rows) {
+  std::vector<fs::path> files;
+  for (const Row& row : rows) files.insert(files.end(), {row.input, row.output});
+  return files;
+}
+
 void check_each(const RunArguments& arguments) {
   const std::string extension = fs::path(arguments.report).extension().string();
   if (!arguments.report.empty() && arguments.report != "-" && extension != ".csv" && extension != ".json")
@@ -55,7 +61,6 @@ void check_each(const RunArguments& arguments) {
   if (!arguments.tiled.work.empty() || arguments.tiled.tiles > 1)
     throw Error(ErrorKind::usage,
                 "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
-  check_page(arguments.report, {});
 }
 
 // Runs one; what goes wrong is written down.
@@ -159,6 +164,7 @@ void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
 void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_token stop) {
   check_each(arguments);
   std::vector<Row> rows = planned(arguments);
+  check_page(arguments.report, files_of(rows));
   std::error_code failed;
   fs::create_directories(arguments.tiled.out_dir, failed);
   if (failed)

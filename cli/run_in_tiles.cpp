@@ -56,9 +56,12 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
   std::filesystem::create_directories(job.output_folder, failed);
   if (failed)
     throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
-  for (const std::filesystem::path& input : job.inputs)
-    check_writable(job.output_folder / TiledRun::output_name(input), arguments.force || !arguments.tiled.work.empty());
-  check_report(arguments.report, {});
+  std::vector<std::filesystem::path> clouds = job.inputs;
+  for (const std::filesystem::path& input : job.inputs) {
+    clouds.push_back(job.output_folder / TiledRun::output_name(input));
+    check_writable(clouds.back(), arguments.force || !arguments.tiled.work.empty());
+  }
+  check_report(arguments.report, clouds);
 }
 
 }  // namespace

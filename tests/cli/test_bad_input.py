@@ -113,6 +113,22 @@ class Outputs(Case):
         self.assertIn(b"/dev/full", result.stderr)
         self.assertEqual(len(positions(self.path("out.ply"))), 300)
 
+    def test_a_report_is_never_written_over_a_cloud(self):
+        out, other = self.path("out.json"), self.path("other.ply")
+        other.write_bytes(self.cloud.read_bytes())
+        for words in (["run", self.cloud, out, "--format", "ply", "--report", out],
+                      ["run", self.cloud, out, "--format", "ply", "--report", self.folder / "." / "out.json"],
+                      ["run", self.cloud, self.path("x.ply"), "--report", self.path("new.ply")],
+                      ["run", self.cloud, other, "--out-dir", self.folder, "--force", "--report", other],
+                      ["info", "--report", other, self.cloud, self.cloud], ["info", self.cloud, other, "--report", other],
+                      ["compare", self.cloud, other, "--report", self.path("z.laz")]):
+            self.fails(2, *words, says="--report")
+        self.assertEqual(other.read_bytes(), self.cloud.read_bytes())
+        table = self.path("table.csv")
+        table.write_text("x,y,z\n1,2,3\n")
+        self.fails(2, "run", table, "--out-dir", self.folder / "new", "--each", "--report", table, says="table.csv")
+        self.assertEqual(table.read_text(), "x,y,z\n1,2,3\n")
+
     @unittest.skipIf(SANITIZED, "sanitizers reserve more address space than the limit allows")
     def test_memory(self):
         def little_memory():
