@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad input: one clear line, the right exit code, nothing lost, nothing half-written."""
+import json
 import os
 import resource
 import shutil
 import subprocess
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -128,6 +130,23 @@ class Outputs(Case):
         table.write_text("x,y,z\n1,2,3\n")
         self.fails(2, "run", table, "--out-dir", self.folder / "new", "--each", "--report", table, says="table.csv")
         self.assertEqual(table.read_text(), "x,y,z\n1,2,3\n")
+
+    def test_a_report_has_any_name_that_a_file_can_have(self):
+        longest = "r" * 250 + ".json"
+        self.ok("run", self.cloud, self.path("out.ply"), "-q", "--report", self.path(longest))
+        self.assertEqual(json.loads(self.path(longest).read_text())["points"], 300)
+        self.fails(3, "run", self.cloud, self.path("new.ply"), "--report", self.path("r" + longest), says="too long")
+        with tempfile.TemporaryDirectory() as folder:
+            small = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+            said = self.fails(3, "info", self.cloud, "--report", f"{folder}/r.json", preexec_fn=small)
+            self.assertTrue(said.startswith(f"pointfair: {folder}/r.json: cannot write: "), said)
+            self.assertEqual(os.listdir(folder), [])
+
+    def test_a_link_to_nothing_is_no_output(self):
+        link = self.path("link.ply")
+        link.symlink_to(self.path("nowhere.ply"))
+        for words in ([], ["--force"]):
+            self.fails(3, "run", self.cloud, link, *words, says=["link.ply", "nowhere.ply"])
 
     @unittest.skipIf(SANITIZED, "sanitizers reserve more address space than the limit allows")
     def test_memory(self):
