@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder and a virtual point cloud (VPC) stand for all their files, which are one cloud."""
 import json
+import resource
 import shutil
 import unittest
 
@@ -48,6 +49,16 @@ class Surveys(Case):
             self.skipTest("built without LASzip")
         self.ok("run", self.vpc(["./a.copc.laz"]), "--out-dir", self.path("out"), "-q")
         self.assertEqual([entry.name for entry in self.path("out").iterdir()], ["a.laz"])
+
+    def test_more_files_than_a_process_may_hold_open(self):
+        many = self.path("many")
+        many.mkdir()
+        points = sorted(ground(6000))
+        for n in range(120):
+            write_las(many / f"{n:03}.las", points[20 * n:][:20], [2] * 20)
+        few = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (110, 110))
+        self.ok("run", many, "--out-dir", self.path("out"), "-q", "--tiles", 3, preexec_fn=few)
+        self.assertEqual(len(list(self.path("out").iterdir())), 120)
 
     def test_what_is_wrong_is_one_line(self):
         survey = self.vpc(["./tiles/part0.las"])
