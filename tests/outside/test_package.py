@@ -37,6 +37,16 @@ def check_pkg_config(prefix, version):
         raise SystemExit(f"pkg-config finds version {found} with headers in {include}; installed was {version}")
 
 
+def check_compiled_by_pkg_config(prefix, source, program):
+    """A program compiles with nothing but what pkg-config says of this library."""
+    if not shutil.which("pkg-config"):
+        return None
+    folder, = (file.parent for file in prefix.rglob("pointfair.pc"))
+    words = run("pkg-config", "--cflags", "--libs", "pointfair", env={**os.environ, "PKG_CONFIG_PATH": str(folder)})
+    run(args.compiler, "-std=c++20", *args.flags.split(), source, *words.split(), "-o", program)
+    return run(program)
+
+
 def program_of(readme):
     """The block's #include lines, and the rest as the body of main."""
     block = re.search(r"^```cpp\n(.*?)^```", pathlib.Path(readme).read_text(), re.M | re.S)
@@ -98,6 +108,9 @@ with tempfile.TemporaryDirectory() as folder:
     inside, outside = run(args.fingerprint), run(work / "build/fingerprint")
     if inside != outside:
         raise SystemExit(f"the installed library gives other bits\n--- here\n{inside}--- installed\n{outside}")
+    by_pkg_config = check_compiled_by_pkg_config(work / "prefix", here / "fingerprint.cpp", work / "by_pkg_config")
+    if by_pkg_config not in (None, inside):
+        raise SystemExit(f"compiled with pkg-config, the library gives other bits\n{by_pkg_config}")
     run("cmake", "-S", here.parent.parent / "examples", "-B", work / "examples", "-G", args.generator,
         f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}",
         f"-DCMAKE_PREFIX_PATH={work / 'prefix'}")
