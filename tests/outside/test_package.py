@@ -9,6 +9,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 
 parser = argparse.ArgumentParser()
@@ -45,6 +46,16 @@ def check_compiled_by_pkg_config(prefix, source, program):
     words = run("pkg-config", "--cflags", "--libs", "pointfair", env={**os.environ, "PKG_CONFIG_PATH": str(folder)})
     run(args.compiler, "-std=c++20", *args.flags.split(), source, *words.split(), "-o", program)
     return run(program)
+
+
+def check_shared(source, build):
+    """A program that is installed with a shared library finds it there, and pkg-config leaves to that library what it links."""
+    run("cmake", "-S", source, "-B", build, "-G", args.generator, f"-DCMAKE_CXX_COMPILER={args.compiler}", "-DBUILD_SHARED_LIBS=ON",
+        "-DPOINTFAIR_CUDA=OFF", "-DPOINTFAIR_TESTS=OFF", "-DPOINTFAIR_VIEWER=OFF")
+    if sys.platform == "linux" and "$ORIGIN/../lib" not in (build / "cli/cmake_install.cmake").read_text():
+        raise SystemExit("the program does not find a shared library that is installed with it")
+    if "Requires.private: tbb" not in (build / "pointfair.pc").read_text():
+        raise SystemExit("who links the shared library needs oneTBB by its name")
 
 
 def program_of(readme):
@@ -119,3 +130,4 @@ with tempfile.TemporaryDirectory() as folder:
     if not (work / "smooth.ply").read_text(errors="replace").startswith("ply"):
         raise SystemExit("the README's example wrote no smooth.ply")
     check_copied_code(work, copied)
+    check_shared(here.parent.parent, work / "shared")
