@@ -65,6 +65,13 @@ class Files(Case):
         for words in ((secret, self.path("out.ply")), (cloud, locked / "out.ply")):
             self.fails(3, "run", *words, says="ermission", executable=program, **options)
 
+    @unittest.skipIf(SANITIZED or os.getuid() != 0, "needs root, to run as a user without processes")
+    def test_no_thread_can_be_started(self):
+        program, _ = self.as_nobody()
+        cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
+        alone = lambda: resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
+        self.fails(1, "run", cloud, self.path("out.ply"), says="thread", executable=program, user=NOBODY - 700, preexec_fn=alone)
+
 
 class Outputs(Case):
     def setUp(self):
