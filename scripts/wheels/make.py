@@ -235,6 +235,8 @@ def main():
                         help="cards that linux-x86_64-cuda has code for, as CMake names them (%(default)s)")
     args = parser.parse_args()
     follow_processors()
+    if not all(TARGETS[name].runs_here for name in args.targets) and args.targets[0] != "linux-x86_64":
+        parser.error("name linux-x86_64 first: wheels for other systems take the types of its module")
     work, downloads = ROOT / "build/wheels", ROOT / "build/downloads"
     sources = {package: unpack(package, downloads, work) for package in SOURCES}
     zig = folder_of(make_environment(work / "tools", HERE / "tools.txt"), "ziglang") / "zig"

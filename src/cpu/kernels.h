@@ -110,21 +110,21 @@ inline constexpr std::size_t kBytesOfNoNotes = 8;  // two for each pack of four
 
 // What the net of method learned reads and writes of each sorted point.
 struct NetCloud {
-  const point::net::Place* measured_places;  // with normals as they are
-  const Index* lists[point::net::kScales];   // rows of point::net::kNeighbors sorted positions
-  point::net::Place* places;                 // with normals turned to their neighbours
+  const Index* lists[point::net::kScales];  // rows of point::net::kNeighbors sorted positions
+  const point::net::Place* places;          // layers read them with normals on the side of the neighbours
+  std::uint8_t* turned;                     // 1: the normal is to be turned for that
   point::Vec3<float>* sides;
   float* sizes[point::net::kScales];
   std::uint8_t* states;       // rows of point::net::kChannels, as the next
-  std::int16_t* stored[2];    // of every other layer
+  std::int16_t* stored;       // for the neighbours
   point::Vec3<float>* steps;  // from where the default run put the point, in noises
 };
 
 // One round in which points slide apart (src/point/net.h).
 struct NetSlide {
   const point::net::Place* starts;
-  const Index* list;  // of the finest scale
-  const point::Vec3<float>* from;
+  const Index* list;               // of the finest scale
+  const point::Vec3<float>* from;  // with room for one float behind the last
   point::Vec3<float>* to;
 };
 
@@ -188,6 +188,7 @@ struct NetKernels {
   const char* name;
   void (*slide)(const NetSlide&, Index first, Index last);
   void (*begin)(const NetCloud&, const point::net::Weights&, Index first, Index last);
+  void (*store)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);  // before each layer
   void (*layer)(const NetCloud&, const point::net::Weights&, int layer, Index first, Index last);
 };
 

@@ -6,6 +6,6 @@
 namespace pointfair::cpu::POINTFAIR_ISA {
 
 extern const NetKernels kNetKernels;
-const NetKernels kNetKernels = {POINTFAIR_ISA_LABEL, net_slide, net_begin, net_layer};
+const NetKernels kNetKernels = {POINTFAIR_ISA_LABEL, net_slide, net_begin, net_store, net_layer};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -115,49 +115,57 @@ class Net {
   void run_layers() {
     const IndexView cloud = index_.view();
     const std::size_t points = cloud.points, numbers = points * net::kChannels;
-    for (Buffer<net::Place>* places : {&measured_places_, &places_}) places->resize(points);
+    places_.resize(points);
+    turned_.resize(points);
     for (Buffer<float>& sizes : sizes_) sizes.resize(points);
-    sides_.resize(points);
-    steps_.resize(points);
+    for (Buffer<point::Vec3<float>>* vectors : {&sides_, &steps_}) vectors->resize(points + 1);  // as net_slide() reads
     states_.resize(numbers);
-    for (Buffer<std::int16_t>& stored : stored_) stored.resize(numbers);
+    stored_.resize(numbers);
     for_points([&](Index first, Index last) {
       for (Index i = first; i < last; ++i) {
         const Index at = cloud.original[i];
-        measured_places_[i] = {{cloud.x[i], cloud.y[i], cloud.z[i]},
-                               vector_of(classical_.normals[at]),
-                               vector_of(classical_.measured[at]),
-                               classical_.noise[at]};
+        places_[i] = {{cloud.x[i], cloud.y[i], cloud.z[i]},
+                      vector_of(classical_.normals[at]),
+                      vector_of(classical_.measured[at]),
+                      classical_.noise[at]};
       }
     });
     slide();
-    const NetCloud view{measured_places_.data(),
-                        {lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
+    const NetCloud view{{lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
                         places_.data(),
+                        turned_.data(),
                         sides_.data(),
                         {sizes_[0].data(), sizes_[1].data(), sizes_[2].data(), sizes_[3].data()},
                         states_.data(),
-                        {stored_[0].data(), stored_[1].data()},
+                        stored_.data(),
                         steps_.data()};
     for_points([&](Index first, Index last) { net_kernels_.begin(view, weights_, first, last); });
-    for (int layer = 0; layer < net::kLayers; ++layer)
+    for_points([&](Index first, Index last) {
+      for (Index i = first; i < last; ++i) {
+        point::Vec3<float>& normal = places_[i].normal;
+        if (turned_[i] != 0) normal = {-normal.x, -normal.y, -normal.z};
+      }
+    });
+    for (int layer = 0; layer < net::kLayers; ++layer) {
+      for_points([&](Index first, Index last) { net_kernels_.store(view, weights_, layer, first, last); });
       for_points([&](Index first, Index last) { net_kernels_.layer(view, weights_, layer, first, last); });
+    }
   }
 
   // Moves what the net reads as the classical places, and begins the steps with that.
   void slide() {
     for_points([&](Index first, Index last) {
-      for (Index i = first; i < last; ++i) steps_[i] = measured_places_[i].classical;
+      for (Index i = first; i < last; ++i) steps_[i] = places_[i].classical;
     });
     point::Vec3<float>*from = steps_.data(), *to = sides_.data();
     for (int round = 0; round < net::kSlides; ++round) {
-      const NetSlide slide{measured_places_.data(), lists_of_[0], from, to};
+      const NetSlide slide{places_.data(), lists_of_[0], from, to};
       for_points([&](Index first, Index last) { net_kernels_.slide(slide, first, last); });
       std::swap(from, to);
     }
     for_points([&](Index first, Index last) {
       for (Index i = first; i < last; ++i) {
-        net::Place& here = measured_places_[i];
+        net::Place& here = places_[i];
         const point::Vec3<float> slid = from[i], way = slid - here.classical;
         steps_[i] = net::can_move(here) ? net::in_noises(here, way) : point::Vec3<float>{};
         here.classical = slid;
@@ -184,12 +192,12 @@ class Net {
   std::array<Buffer<Index>, net::kScales> lists_{Buffer<Index>(meter_), Buffer<Index>(meter_), Buffer<Index>(meter_),
                                                  Buffer<Index>(meter_)};
   std::array<const Index*, net::kScales> lists_of_{};
-  Buffer<net::Place> measured_places_{meter_}, places_{meter_};
+  Buffer<net::Place> places_{meter_};
   Buffer<point::Vec3<float>> sides_{meter_}, steps_{meter_};
   std::array<Buffer<float>, net::kScales> sizes_{Buffer<float>(meter_), Buffer<float>(meter_), Buffer<float>(meter_),
                                                  Buffer<float>(meter_)};
-  Buffer<std::uint8_t> states_{meter_};
-  std::array<Buffer<std::int16_t>, 2> stored_{Buffer<std::int16_t>(meter_), Buffer<std::int16_t>(meter_)};
+  Buffer<std::uint8_t> turned_{meter_}, states_{meter_};
+  Buffer<std::int16_t> stored_{meter_};
 };
 
 }  // namespace
