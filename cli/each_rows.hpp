@@ -16,10 +16,10 @@ namespace pointfair::cli {
 struct Row {
   std::filesystem::path input, output;
   std::string status = "waiting", error{};  // done, skipped or failed afterwards
-  ErrorKind kind = ErrorKind::failed;     // of the error
-  std::optional<Findings> findings{};     // of this run
-  std::string numbers{};                  // the same as CSV; of a file that is skipped, as the table had it
-  Json run{};                             // the same as JSON
+  ErrorKind kind = ErrorKind::failed;       // of the error
+  std::optional<Findings> findings{};       // of this run
+  std::string numbers{};                    // the same as CSV; of a file that is skipped, as the table had it
+  Json run{};                               // the same as JSON
 };
 
 void set_findings(Row& row, const std::optional<Findings>& findings);
