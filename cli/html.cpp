@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "png.hpp"
+#include "report.hpp"
 
 namespace pointfair::cli {
 namespace {
@@ -54,8 +55,10 @@ code {{ font: 13px/1.5 ui-monospace, monospace; overflow-wrap: anywhere; }}
 }  // namespace
 
 std::string escaped(std::string_view text) {
+  // names of files and what files say may be in any encoding; JSON puts a sign in place of what is no UTF-8
+  const Json valid = Json::parse(Json(text).dump(-1, ' ', false, Json::error_handler_t::replace));
   std::string result;
-  for (const char c : text) {
+  for (const char c : valid.get<std::string>()) {
     if (c == '&')
       result += "&amp;";
     else if (c == '<')

@@ -156,7 +156,9 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
   if (arguments.more.empty() && !is_survey(arguments.input)) return info_of_one(arguments, pipeline, stop);
   std::vector<std::string> inputs = {arguments.input};
   inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
-  info_of_many(arguments, files_of_survey(inputs), pipeline, stop);
+  const std::vector<std::filesystem::path> files = files_of_survey(inputs);
+  check_report(arguments.report, files);
+  info_of_many(arguments, files, pipeline, stop);
 }
 
 }  // namespace

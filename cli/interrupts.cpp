@@ -24,6 +24,14 @@ void remove_scratch() {
     std::filesystem::remove_all(scratch, error);
 }
 
+// Scratch folders stay: the next run in tiles removes them.
+void end_without_file(int) {
+  remove_unfinished_files();
+  system::end_process(kExitFile,
+                      "pointfair: a file became shorter, or its disk went away, while it was read; copy it again and "
+                      "repeat the run\n");
+}
+
 }  // namespace
 
 void remove_if_ended(const std::filesystem::path& folder) {
@@ -33,6 +41,7 @@ void remove_if_ended(const std::filesystem::path& folder) {
 
 Interrupts::Interrupts() {
   system::catch_interrupts();
+  system::catch_lost_files(end_without_file);
   watcher_ = std::thread([this] { watch(); });
 }
 

@@ -8,7 +8,9 @@
 #include <filesystem>
 #include <iterator>
 #include <new>
+#include <optional>
 #include <string>
+#include <system_error>
 #include <vector>
 
 #include "arguments.hpp"
@@ -128,7 +130,15 @@ int fail(Interrupts& interrupts, std::string_view message, int code) {
 int main(int count, char** words) {
   using namespace pointfair;
   cli::system::prepare_streams();
-  cli::Interrupts interrupts;
+  std::optional<cli::Interrupts> listening;
+  try {
+    listening.emplace();
+  } catch (const std::system_error& error) {
+    cli::print_error(fmt::format("cannot start a thread: {}; end other programs, or raise the limit of processes",
+                                 error.code().message()));
+    return cli::kExitFailed;
+  }
+  cli::Interrupts& interrupts = *listening;
   try {
     cli::run_verb({words + 1, words + count}, interrupts.token());
     return cli::kExitOk;

@@ -20,12 +20,13 @@ namespace {
   throw Error(ErrorKind::file, fmt::format("{}: {}", path.string(), reason));
 }
 
-void write_stream(const fs::path& path, std::string_view text) {
-  std::ofstream file(path, std::ios::binary | std::ios::trunc);
+// `name` is the path that the user gave.
+void write_stream(const fs::path& path, std::string_view text, const fs::path& name) {
   errno = 0;
+  std::ofstream file(path, std::ios::binary | std::ios::trunc);
   file.write(text.data(), static_cast<std::streamsize>(text.size()));
   file.close();
-  if (!file) fail(path, fmt::format("cannot write: {}", std::strerror(errno != 0 ? errno : EIO)));
+  if (!file) fail(name, fmt::format("cannot write: {}", std::strerror(errno != 0 ? errno : EIO)));
 }
 
 }  // namespace
@@ -65,6 +66,8 @@ void check_writable(const fs::path& path, bool overwrite) {
   if (path == "-") return;
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
+  if (status.type() == fs::file_type::none)  // a name that is too long, for instance
+    fail(path, fmt::format("cannot write: {}", error.message()));
   if (fs::is_directory(status)) fail(path, "is a folder; name a file in it");
   if (fs::exists(status)) {
     if (!overwrite) fail(path, "exists already; add --force to replace it");
@@ -72,11 +75,21 @@ void check_writable(const fs::path& path, bool overwrite) {
       fail(path, fmt::format("cannot replace it: {}", why));
     if (!fs::is_regular_file(status)) return;  // a pipe or a device is written in place
   }
+  if (fs::is_symlink(path, error) && !fs::exists(status))
+    fail(path, fmt::format("is a link to {}, which is not there; remove the link, or name another file",
+                           fs::read_symlink(path, error).string()));
   const fs::path folder = path.has_parent_path() ? path.parent_path() : fs::path(".");
   if (!fs::is_directory(folder, error))
     fail(path, fmt::format("there is no folder {}; make it, or name another", folder.string()));
   if (const std::string why = system::why_no_files_in(folder); !why.empty())
     fail(path, fmt::format("cannot create files in {}: {}", folder.string(), why));
+}
+
+bool are_one_file(const fs::path& a, const fs::path& b) {
+  std::error_code error;
+  if (fs::equivalent(a, b, error)) return true;
+  const fs::path name = fs::weakly_canonical(fs::absolute(a, error), error);
+  return !name.empty() && name == fs::weakly_canonical(fs::absolute(b, error), error);
 }
 
 void check_not_same(const fs::path& input, const fs::path& output, std::string_view advice) {
@@ -89,11 +102,11 @@ void check_not_same(const fs::path& input, const fs::path& output, std::string_v
 void write_text(const fs::path& path, std::string_view text) {
   if (path == "-") return print_output(text);
   std::error_code error;
-  if (fs::exists(path, error) && !fs::is_regular_file(path, error)) return write_stream(path, text);
-  fs::path temporary = path;
-  temporary += fmt::format(".{}.tmp", system::process_id());
+  if (fs::exists(path, error) && !fs::is_regular_file(path, error)) return write_stream(path, text, path);
+  // a short name of its own: the path's may be as long as names can be
+  const fs::path temporary = path.parent_path() / fmt::format(".pointfair-report-{}.tmp", system::process_id());
   try {
-    write_stream(temporary, text);
+    write_stream(temporary, text, path);
     fs::rename(temporary, path);
   } catch (const fs::filesystem_error& failure) {
     fs::remove(temporary, error);

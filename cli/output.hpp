@@ -25,6 +25,9 @@ void print_output(std::string_view text);
 /// folder is missing or read-only. "-" always passes.
 void check_writable(const std::filesystem::path& path, bool overwrite);
 
+/// Whether two paths lead to one file, also where it is not there yet.
+bool are_one_file(const std::filesystem::path& a, const std::filesystem::path& b);
+
 /// Throws ErrorKind::usage if `output` is the file `input` under whatever name.
 void check_not_same(const std::filesystem::path& input, const std::filesystem::path& output, std::string_view advice);
 

@@ -171,7 +171,7 @@ bool is_page(const std::string& report) {
   return extension == ".html" || extension == ".htm" || extension == ".HTML" || extension == ".HTM";
 }
 
-void check_no_table(const std::string& report) {
+void check_kind_of_report(const std::string& report) {
   if (std::filesystem::path(report).extension() == ".csv")
     throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON; name a .json file. Rows in CSV, one a "
                                               "file, come with pointfair run --each",
@@ -180,10 +180,15 @@ void check_no_table(const std::string& report) {
     throw Error(ErrorKind::usage, fmt::format("--report {}: a report is JSON, or a page if the name ends in .html; a "
                                               "browser prints that page as PDF",
                                               report));
+  // a forgotten name makes the next word the report, which is a cloud that exists; a log may well be a .txt
+  if (const auto format = format_of(report); format && format != Format::txt)
+    throw Error(
+        ErrorKind::usage,
+        fmt::format("--report {}: this is the name of a cloud, and a report is JSON; name a .json file", report));
 }
 
-void check_report(const std::string& report, const std::vector<std::string>& files) {
-  check_no_table(report);
+void check_report(const std::string& report, const std::vector<std::filesystem::path>& files) {
+  check_kind_of_report(report);
   if (is_page(report))
     throw Error(ErrorKind::usage, fmt::format("--report {}: this is written as JSON; name a .json file. A page is made "
                                               "by pointfair run in memory, and by pointfair certify",
@@ -191,9 +196,11 @@ void check_report(const std::string& report, const std::vector<std::string>& fil
   check_page(report, files);
 }
 
-void check_page(const std::string& report, const std::vector<std::string>& files) {
+void check_page(const std::string& report, const std::vector<std::filesystem::path>& files) {
   if (report.empty()) return;
-  for (const std::string& file : files) check_not_same(file, report, "name another file for --report");
+  for (const std::filesystem::path& file : files)
+    if (report != "-" && are_one_file(file, report))
+      throw Error(ErrorKind::usage, report + ": is a cloud of this run; name another file for --report");
   check_writable(report, true);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 #include <string>
@@ -55,13 +56,13 @@ std::string_view device_name(Device::Kind kind);
 /// Whether --report names a page and not JSON, by its extension.
 bool is_page(const std::string& report);
 
-/// Throws if --report names a table, which only many files on their own have.
-void check_no_table(const std::string& report);
+/// Throws if --report names what no report is: a table, which only many files on their own have, a cloud, or a PDF.
+void check_kind_of_report(const std::string& report);
 
-/// Early check of --report: throws if it would replace one of `files` or cannot be created, as check_page does, and if
-/// it names a page or a table. Empty: no report.
-void check_report(const std::string& report, const std::vector<std::string>& files);
-void check_page(const std::string& report, const std::vector<std::string>& files);
+/// Early check of --report: throws if it would be one of `files` or cannot be created, as check_page does, if it is of
+/// no kind that reports have, and if it is a page. Empty: no report.
+void check_report(const std::string& report, const std::vector<std::filesystem::path>& files);
+void check_page(const std::string& report, const std::vector<std::filesystem::path>& files);
 
 /// Writes the object as text; a number that JSON cannot hold becomes null. Throws ErrorKind::file.
 void write_report(const std::string& report, const Json& json);

@@ -37,7 +37,7 @@ void check_paths(const RunArguments& arguments) {
   check_writable(arguments.output, arguments.force);
   if (is_page(arguments.report) && (arguments.input == "-" || arguments.output == "-"))
     throw Error(ErrorKind::usage, "a page tells of two files; name both, or give --report a .json file");
-  check_no_table(arguments.report);
+  check_kind_of_report(arguments.report);
   check_page(arguments.report, {arguments.input, arguments.output});
 }
 

@@ -8,6 +8,7 @@
 #include <new>
 #include <set>
 
+#include "each_rows.hpp"
 #include "output.hpp"
 #include "survey.hpp"
 
@@ -15,13 +16,6 @@ namespace pointfair::cli {
 namespace {
 
 namespace fs = std::filesystem;
-
-struct Row {
-  fs::path input, output;
-  std::string status, error;
-  ErrorKind kind = ErrorKind::failed;  // of the error
-  std::optional<Findings> findings;
-};
 
 std::vector<fs::path> inputs_of(const RunArguments& arguments) {
   std::vector<std::string> inputs = {arguments.input};
@@ -40,9 +34,15 @@ std::vector<Row> planned(const RunArguments& arguments) {
                   fmt::format("{}: another input has the same name, so that both results would be {}; "
                               "give folders of them one after the other",
                               input.string(), output.string()));
-    rows.push_back({input, output, {}, {}, ErrorKind::failed, {}});
+    rows.push_back({input, output});
   }
   return rows;
+}
+
+std::vector<fs::path> files_of(const std::vector<Row>& rows) {
+  std::vector<fs::path> files;
+  for (const Row& row : rows) files.insert(files.end(), {row.input, row.output});
+  return files;
 }
 
 void check_each(const RunArguments& arguments) {
@@ -55,7 +55,6 @@ void check_each(const RunArguments& arguments) {
   if (!arguments.tiled.work.empty() || arguments.tiled.tiles > 1)
     throw Error(ErrorKind::usage,
                 "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
-  check_page(arguments.report, {});
 }
 
 // Runs one; what goes wrong is written down.
@@ -73,8 +72,9 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
   of_file.report.clear();
   of_file.quiet = true;
   row.status = "failed";
+  set_findings(row, {});
   try {
-    row.findings = run_file(of_file, progress);
+    set_findings(row, run_file(of_file, progress));
     row.status = "done";
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::interrupted) throw;
@@ -100,42 +100,6 @@ void print_row(const Row& row, std::size_t number, std::size_t all) {
   for (const std::string& note : row.findings->notes) fmt::print(stderr, "note: {}\n", note);
 }
 
-Json json_of(const Row& row) {
-  Json json{{"input", row.input.string()}, {"output", row.output.string()}, {"status", row.status}};
-  if (!row.error.empty()) json["error"] = row.error;
-  if (row.findings) json["run"] = run_json(row.findings->report, *row.findings);
-  return json;
-}
-
-std::string csv_field(const std::string& text) {
-  if (text.find_first_of(",\"\n") == std::string::npos) return text;
-  std::string quoted = "\"";
-  for (const char c : text) quoted += c == '"' ? "\"\"" : std::string(1, c);
-  return quoted + "\"";
-}
-
-std::string csv_of(const std::vector<Row>& rows) {
-  std::string text = "input,output,status,points,spacing,noise,moved_mean,moved_max,outliers,milliseconds,error\n";
-  for (const Row& row : rows) {
-    std::string numbers = ",,,,,,";
-    if (const auto& found = row.findings)
-      numbers = fmt::format("{},{},{},{},{},{},{}", found->report.points, found->spacing, found->noise,
-                            found->displacement.mean, found->displacement.max, found->report.unmoved.outliers,
-                            found->report.total_milliseconds);
-    text += fmt::format("{},{},{},{},{}\n", csv_field(row.input.string()), csv_field(row.output.string()), row.status,
-                        numbers, csv_field(row.error));
-  }
-  return text;
-}
-
-void write_rows(const std::string& report, const std::vector<Row>& rows) {
-  if (report.empty()) return;
-  if (fs::path(report).extension() == ".csv") return write_text(report, csv_of(rows));
-  Json files = Json::array();
-  for (const Row& row : rows) files.push_back(json_of(row));
-  write_report(report, {{"version", version()}, {"files", files}});
-}
-
 // Throws if some failed.
 void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
   const auto count = [&](const char* status) {
@@ -159,6 +123,9 @@ void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
 void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_token stop) {
   check_each(arguments);
   std::vector<Row> rows = planned(arguments);
+  check_page(arguments.report, files_of(rows));
+  Table table(arguments.report);
+  if (arguments.skip_existing) table.take_over(rows);
   std::error_code failed;
   fs::create_directories(arguments.tiled.out_dir, failed);
   if (failed)
@@ -174,8 +141,9 @@ void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_
       run_row(arguments, run_file, progress, rows[i]);
     }
     if (!arguments.quiet) print_row(rows[i], i + 1, rows.size());
+    table.update(rows);
   }
-  write_rows(arguments.report, rows);
+  table.write(rows);
   conclude(arguments, rows);
 }
 

@@ -32,15 +32,20 @@ std::string flag_for_memory(const RunArguments& arguments) {
   throw Error(ErrorKind::usage, text);
 }
 
+std::string size_text(std::uint64_t bytes) {
+  return bytes < 1'000'000'000 ? fmt::format("{:.0f} MB", double(bytes) * 1e-6)
+                               : fmt::format("{:.1f} GB", double(bytes) * 1e-9);
+}
+
 // Why a cloud is computed in tiles, where nobody asked for them.
 std::string note_of(const TiledJob& job, const TiledChoice& choice) {
   if (job.inputs.size() > 1)
     return fmt::format("{} files are one cloud; --each treats every file on its own", job.inputs.size());
   if (choice.points == 0 || job.memory != 0) return {};
   return fmt::format(
-      "{} points would take {:.1f} GB of memory, and {:.1f} GB are free: they are computed in tiles on disk, with the "
-      "same result{}; --memory says how much memory to use",
-      choice.points, double(choice.needed_bytes) * 1e-9, double(choice.free_bytes) * 1e-9,
+      "{} points would take {} of memory, and {} are free: they are computed in tiles on disk, with the same result{}; "
+      "--memory says how much memory to use",
+      choice.points, size_text(choice.needed_bytes), size_text(choice.free_bytes),
       choice.is_without_sensors ? ", but mixed pixels are not looked for, since its scans were made from several places"
                                 : "");
 }
@@ -56,9 +61,12 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
   std::filesystem::create_directories(job.output_folder, failed);
   if (failed)
     throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
-  for (const std::filesystem::path& input : job.inputs)
-    check_writable(job.output_folder / TiledRun::output_name(input), arguments.force || !arguments.tiled.work.empty());
-  check_report(arguments.report, {});
+  std::vector<std::filesystem::path> clouds = job.inputs;
+  for (const std::filesystem::path& input : job.inputs) {
+    clouds.push_back(job.output_folder / TiledRun::output_name(input));
+    check_writable(clouds.back(), arguments.force || !arguments.tiled.work.empty());
+  }
+  check_report(arguments.report, clouds);
 }
 
 }  // namespace

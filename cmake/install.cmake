@@ -12,7 +12,11 @@ write_basic_package_version_file(pointfairConfigVersion.cmake COMPATIBILITY Same
 install(FILES ${PROJECT_BINARY_DIR}/pointfairConfig.cmake ${PROJECT_BINARY_DIR}/pointfairConfigVersion.cmake
         DESTINATION ${package_dir})
 
-# For pkg-config; the static library needs --static.
+# For pkg-config. Who links the static library links what it needs, also without --static.
+set(pointfair_pc_private "")
+if(BUILD_SHARED_LIBS)
+  set(pointfair_pc_private ".private")
+endif()
 set(pointfair_pc_requires tbb)
 if(pugixml_FOUND)
   string(APPEND pointfair_pc_requires " pugixml")

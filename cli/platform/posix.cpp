@@ -36,7 +36,7 @@ sigset_t interrupts;
 
 void note_broken_pipe(int) { broken_pipe = 1; }
 
-// A shell sets SIGINT to "ignore" for what runs in the background; that wish is kept.
+// A shell sets SIGINT to "ignore" for what runs in the background, and nohup SIGHUP; that wish is kept.
 bool is_ignored(int signal) {
   struct sigaction action {};
   return sigaction(signal, nullptr, &action) == 0 && action.sa_handler == SIG_IGN;
@@ -123,7 +123,8 @@ void catch_interrupts() {
   std::signal(SIGXFSZ, SIG_IGN);  // beyond the limit of a file's size: EFBIG
   sigemptyset(&interrupts);
   sigaddset(&interrupts, SIGTERM);
-  if (!is_ignored(SIGINT)) sigaddset(&interrupts, SIGINT);
+  for (const int signal : {SIGINT, SIGHUP})  // SIGHUP: its terminal was closed
+    if (!is_ignored(signal)) sigaddset(&interrupts, signal);
   pthread_sigmask(SIG_BLOCK, &interrupts, nullptr);
 }
 void wait_for_interrupt() {
@@ -132,6 +133,10 @@ void wait_for_interrupt() {
 }
 void end_wait(std::thread& waiting) { pthread_kill(waiting.native_handle(), SIGTERM); }
 bool pipe_is_broken() { return broken_pipe != 0; }
-void end_process(int code) { ::_exit(code); }
+void catch_lost_files(void (*handler)(int)) { std::signal(SIGBUS, handler); }
+void end_process(int code, std::string_view last_words) {
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, last_words.data(), last_words.size());
+  ::_exit(code);
+}
 
 }  // namespace pointfair::cli::system

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <thread>
 
 namespace pointfair::cli::system {
@@ -45,7 +46,10 @@ void wait_for_interrupt();
 void end_wait(std::thread& waiting);
 /// Whether a write met a pipe that nobody reads any more, which ends no process after catch_interrupts().
 bool pipe_is_broken();
-/// Ends the process without any further step.
-[[noreturn]] void end_process(int code);
+/// Has the handler called where a file that is mapped became shorter in place, or its disk went away. It may call what
+/// the handler of a signal may.
+void catch_lost_files(void (*handler)(int));
+/// Ends the process without any further step but these words on standard error. A handler may call it.
+[[noreturn]] void end_process(int code, std::string_view last_words = {});
 
 }  // namespace pointfair::cli::system

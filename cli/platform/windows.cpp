@@ -91,7 +91,8 @@ void catch_interrupts() {
 void wait_for_interrupt() { ::WaitForSingleObject(interrupted, INFINITE); }
 void end_wait(std::thread&) { ::SetEvent(interrupted); }
 bool pipe_is_broken() { return false; }
-void end_process(int code) {
+void catch_lost_files(void (*)(int)) {}
+void end_process(int code, std::string_view) {
   ::TerminateProcess(::GetCurrentProcess(), static_cast<UINT>(code));
   ::Sleep(INFINITE);
   __builtin_unreachable();

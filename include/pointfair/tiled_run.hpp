@@ -58,6 +58,13 @@ struct TiledChoice {
   bool is_without_sensors = false;  ///< the file says several places of the sensor, and tiles look at none
 };
 
+/// A coordinate system that inputs name with an EPSG code.
+struct NamedSystem {
+  std::string name;            ///< as the first of these inputs has it
+  std::uint64_t files = 0;     ///< inputs that name it
+  std::filesystem::path file;  ///< the first of them
+};
+
 /// What a finished run did.
 struct TiledReport {
   std::uint64_t points = 0;
@@ -80,8 +87,9 @@ struct TiledReport {
   OutlierAction outlier_action;             ///< as asked for
   OutlierOutcome outcome;                   ///< what it came to
   Displacement displacement;
-  double step = 0;               ///< between coordinates that an output stores as integers, the largest; else 0
-  double stored_float_step = 0;  ///< the largest between those that a binary input stores as 32-bit floats; else 0
+  std::vector<NamedSystem> systems;  ///< that the inputs name, those of most inputs first
+  double step = 0;                   ///< between coordinates that an output stores as integers, the largest; else 0
+  double stored_float_step = 0;      ///< the largest between those that a binary input stores as 32-bit floats; else 0
 };
 
 /// A run over a work folder, which holds the plan and the results of finished tasks. Tasks are idempotent: a task that

@@ -5,9 +5,12 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <span>
+#include <string>
 #include <utility>
 
 #include "io/source.hpp"
+#include "platform/path_text.hpp"
 
 namespace pointfair {
 namespace {
@@ -148,6 +151,16 @@ int chosen_min_neighbors(const Params& asked, const Params& used, bool is_of_cop
   return asked.min_neighbors == kAutomatic && !is_of_copies ? used.min_neighbors : 0;
 }
 
+void add_mixed_systems(std::span<const NamedSystem> systems, std::vector<std::string>& notes) {
+  if (systems.size() < 2) return;
+  std::string note = "the inputs have " + std::to_string(systems.size()) +
+                     " coordinate systems, and were denoised as if these were one: " + systems[0].name;
+  for (const NamedSystem& system : systems.subspan(1, std::min<std::size_t>(systems.size() - 1, 3)))
+    note += "; " + system.name + " in " + platform::text_of(system.file.filename()) +
+            (system.files > 1 ? " and " + std::to_string(system.files - 1) + " more" : "");
+  notes.push_back(note);
+}
+
 // In the coordinates of the file.
 std::pair<Position, Position> bounds_of(const Position& origin, const Estimates& estimates) {
   Position min = origin, max = origin;
@@ -220,6 +233,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
                 .min_neighbors = chosen_min_neighbors(report.asked, report.params, report.is_of_copies)});
+  add_mixed_systems(report.systems, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;
 }

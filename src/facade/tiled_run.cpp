@@ -16,6 +16,7 @@
 #include "platform/path_text.hpp"
 #include "pointfair/run_notes.hpp"
 #include "scale/emit.hpp"
+#include "scale/named_systems.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"
@@ -210,6 +211,7 @@ TiledReport TiledRun::report() const {
     const Zones zones = folder.plan.zones();
     report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
     if (folder.plan.stores_floats) report.stored_float_step = stored_float_step(report.min, report.max);
+    report.systems = scale::named_systems(folder.plan.files);
     report.ignored = state_->measured().ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;

@@ -25,6 +25,7 @@
 #include "portable.hpp"
 #include "scale/given.hpp"
 #include "scale/leaf_tree.hpp"
+#include "scale/named_systems.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
@@ -100,8 +101,14 @@ std::vector<InputFile> files_of(const TiledJob& job) {
   return files;
 }
 
-Params in_units_of_file(const Params& params, const Source& source) {
-  return in_file_units(params, source.info().metres_per_unit);
+// Of several inputs, an error names the one.
+Params in_units_of_file(const Params& params, const Source& source, bool are_several = false) {
+  try {
+    return in_file_units(params, source.info().metres_per_unit);
+  } catch (const Error& error) {
+    if (!are_several) throw;
+    throw Error(error.kind(), source.name() + ": " + error.what());
+  }
 }
 
 // A box of positions.
@@ -313,7 +320,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     refuse_if(why_not_written(job, *source, file.output));
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
-    const Params params = in_units_of_file(job.params, *source);
+    const Params params = in_units_of_file(job.params, *source, job.inputs.size() > 1);
     if (sources.size() > 1 && params != plan.params)
       refuse(platform::text_of(file.path) +
              ": its unit is not that of the other inputs; give lengths without m, mm or cm");
@@ -321,6 +328,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     plan.coordinate_step = std::min(plan.coordinate_step, coordinate_step(*source));
     // the types of a text are known once all of it was read
     plan.stores_floats |= source->encoding() != Encoding::ascii && source->stores_floats();
+    file.coordinate_system = coordinate_system_of(*source);
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;

@@ -24,6 +24,7 @@ struct InputFile {
   std::filesystem::path path, output;
   std::string fingerprint;                    ///< of its size, its time and some of its bytes
   std::uint64_t points = 0, first_point = 0;  ///< in the whole input
+  std::string coordinate_system{};            ///< as the file says it, one line; empty: it does not say
 };
 
 /// Blocks of one file that follow each other, which one task takes in.

@@ -82,6 +82,7 @@ void read_line(const std::string& line, Plan& plan) {
     if (!plan.files.empty()) file.first_point = plan.files.back().first_point + plan.files.back().points;
     plan.files.push_back(std::move(file));
   }
+  if (key == "system") plan.files.back().coordinate_system = rest();
   if (key == "output") plan.files.back().output = platform::path_of(rest());
   if (key == "chunk") {
     InputChunk c;
@@ -118,9 +119,11 @@ std::string text_of(const Plan& plan) {
     for (const double c : *plan.sensor) out << " " << text_of(c);
     out << "\n";
   }
-  for (const InputFile& file : plan.files)
+  for (const InputFile& file : plan.files) {
     out << "file " << file.points << " " << file.fingerprint << " " << platform::text_of(file.path) << "\noutput "
         << platform::text_of(file.output) << "\n";
+    if (!file.coordinate_system.empty()) out << "system " << file.coordinate_system << "\n";
+  }
   for (const InputChunk& c : plan.chunks)
     out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points
         << "\n";

@@ -17,7 +17,7 @@ constexpr LeafRange kAll{0, std::numeric_limits<std::uint32_t>::max()};
 
 std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<std::filesystem::path>& files,
                                                              std::size_t leaves, const Zones& zones) {
-  constexpr std::size_t kMostOpen = 256;
+  constexpr std::size_t kMostOpen = 100;  // macOS lets a process have 256
   const auto stored = std::make_shared<Stored>();
   const auto comes_before = [](const Leaf& a, const Leaf& b) {
     return std::tie(a.of_tree, a.zone) < std::tie(b.of_tree, b.zone);

@@ -144,5 +144,6 @@ def radius_error(points, centre=(0.0, 0.0, 0.0)):
 
 
 def default_signals():
-    """For preexec_fn: a shell may have told its background jobs to ignore SIGINT."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """For preexec_fn: a shell may have told its background jobs to ignore SIGINT, and nohup SIGHUP."""
+    for number in (signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, signal.SIG_DFL)

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bad input: one clear line, the right exit code, nothing lost, nothing half-written."""
+import json
 import os
 import resource
 import shutil
 import subprocess
+import tempfile
 import unittest
 from pathlib import Path
 
@@ -63,6 +65,13 @@ class Files(Case):
         for words in ((secret, self.path("out.ply")), (cloud, locked / "out.ply")):
             self.fails(3, "run", *words, says="ermission", executable=program, **options)
 
+    @unittest.skipIf(SANITIZED or os.getuid() != 0, "needs root, to run as a user without processes")
+    def test_no_thread_can_be_started(self):
+        program, _ = self.as_nobody()
+        cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
+        alone = lambda: resource.setrlimit(resource.RLIMIT_NPROC, (1, 1))
+        self.fails(1, "run", cloud, self.path("out.ply"), says="thread", executable=program, user=NOBODY - 700, preexec_fn=alone)
+
 
 class Outputs(Case):
     def setUp(self):
@@ -112,6 +121,39 @@ class Outputs(Case):
         self.assert_one_line(result.stderr.decode())
         self.assertIn(b"/dev/full", result.stderr)
         self.assertEqual(len(positions(self.path("out.ply"))), 300)
+
+    def test_a_report_is_never_written_over_a_cloud(self):
+        out, other = self.path("out.json"), self.path("other.ply")
+        other.write_bytes(self.cloud.read_bytes())
+        for words in (["run", self.cloud, out, "--format", "ply", "--report", out],
+                      ["run", self.cloud, out, "--format", "ply", "--report", self.folder / "." / "out.json"],
+                      ["run", self.cloud, self.path("x.ply"), "--report", self.path("new.ply")],
+                      ["run", self.cloud, other, "--out-dir", self.folder, "--force", "--report", other],
+                      ["info", "--report", other, self.cloud, self.cloud], ["info", self.cloud, other, "--report", other],
+                      ["compare", self.cloud, other, "--report", self.path("z.laz")]):
+            self.fails(2, *words, says="--report")
+        self.assertEqual(other.read_bytes(), self.cloud.read_bytes())
+        table = self.path("table.csv")
+        table.write_text("x,y,z\n1,2,3\n")
+        self.fails(2, "run", table, "--out-dir", self.folder / "new", "--each", "--report", table, says="table.csv")
+        self.assertEqual(table.read_text(), "x,y,z\n1,2,3\n")
+
+    def test_a_report_has_any_name_that_a_file_can_have(self):
+        longest = "r" * 250 + ".json"
+        self.ok("run", self.cloud, self.path("out.ply"), "-q", "--report", self.path(longest))
+        self.assertEqual(json.loads(self.path(longest).read_text())["points"], 300)
+        self.fails(3, "run", self.cloud, self.path("new.ply"), "--report", self.path("r" + longest), says="too long")
+        with tempfile.TemporaryDirectory() as folder:
+            small = lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (10, 10))
+            said = self.fails(3, "info", self.cloud, "--report", f"{folder}/r.json", preexec_fn=small)
+            self.assertTrue(said.startswith(f"pointfair: {folder}/r.json: cannot write: "), said)
+            self.assertEqual(os.listdir(folder), [])
+
+    def test_a_link_to_nothing_is_no_output(self):
+        link = self.path("link.ply")
+        link.symlink_to(self.path("nowhere.ply"))
+        for words in ([], ["--force"]):
+            self.fails(3, "run", self.cloud, link, *words, says=["link.ply", "nowhere.ply"])
 
     @unittest.skipIf(SANITIZED, "sanitizers reserve more address space than the limit allows")
     def test_memory(self):

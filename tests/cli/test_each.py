@@ -2,9 +2,14 @@
 """Many files, each on its own: a row each, failures at the end, and results as of single runs."""
 import csv
 import json
+import os
+import shutil
+import signal
+import subprocess
+import time
 import unittest
 
-from program import Case, payload, run, sphere_points, write_ply
+from program import BIN, Case, default_signals, payload, run, sphere_points, write_ply
 
 
 class Each(Case):
@@ -69,6 +74,50 @@ class Each(Case):
         said = self.each("--skip-existing")
         self.assertIn("2 of 3 files written, 1 skipped, 0 failed", said)
         self.assertEqual((self.out / "a.ply").read_text(), "mine")
+
+    def test_the_table_of_a_run_that_was_stopped_goes_on(self):
+        (self.stations / "a.ply").rename(self.stations / 'a, the "first".ply')
+        table = {name: self.path("rows" + name) for name in (".csv", ".json")}
+        words = ["run", self.stations, "--out-dir", self.out, "--each", "--skip-existing", "-q", "--k", 400]
+        numbers = ["points", "spacing", "noise", "moved_mean", "moved_max", "outliers"]
+        for name, report in table.items():
+            shutil.rmtree(self.out, ignore_errors=True)
+            fifo = self.stations / "b.ply"
+            kept = fifo.read_bytes()
+            fifo.unlink()
+            os.mkfifo(fifo)  # the second file never comes
+            self.out.mkdir()
+            paths = sorted(self.stations.iterdir())
+            process = subprocess.Popen([BIN, *map(str, [words[0], *paths, *words[2:], "--report", report])], stderr=subprocess.PIPE,
+                                       preexec_fn=default_signals)
+            latest = time.monotonic() + 20
+            while not report.exists():
+                self.assertIsNone(process.poll())
+                if time.monotonic() > latest:
+                    process.kill()
+                    self.fail("no table while the run goes on")
+                time.sleep(0.001)
+            process.send_signal(signal.SIGTERM)
+            process.communicate(timeout=60)
+            self.assertEqual(process.returncode, 130)
+            fifo.unlink()
+            fifo.write_bytes(kept)
+            if name == ".csv":
+                with open(report, newline="") as file:
+                    rows = list(csv.DictReader(file))
+                self.assertEqual([row["status"] for row in rows], ["done", "waiting", "waiting"])
+            self.ok(*words, "--report", report)
+            self.ok(*words, "--report", report)  # nothing is left to do
+            if name == ".csv":
+                with open(report, newline="") as file:
+                    again = list(csv.DictReader(file))
+                self.assertEqual([row["status"] for row in again], ["skipped"] * 3)
+                self.assertEqual([again[0][key] for key in numbers], [rows[0][key] for key in numbers])
+                self.assertEqual([row["points"] for row in again], ["1500", "1600", "1700"])
+            else:
+                files = json.loads(report.read_text())["files"]
+                self.assertEqual([row["status"] for row in files], ["skipped"] * 3)
+                self.assertEqual([row["run"]["points"] for row in files], [1500, 1600, 1700])
 
     def test_progress_is_over_all(self):
         lines = [json.loads(line) for line in self.each("--progress", "json").splitlines() if line.startswith("{")]

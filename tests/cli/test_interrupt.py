@@ -13,12 +13,13 @@ from program import BIN, Case, default_signals, sphere_points, write_ply
 
 def wait_until_heard(process, number):
     """Until the program waits for the signal, which it blocks for that."""
-    while True:
+    while process.poll() is None:
         status = pathlib.Path(f"/proc/{process.pid}/status").read_text()
         waits = int(re.search(r"^SigBlk:\s*([0-9a-f]+)", status, re.M)[1], 16)
         if waits >> (number - 1) & 1:
             return
         time.sleep(0.001)
+    raise AssertionError(f"the program ended before it waited for signal {number}: {process.returncode}")
 
 
 class Interrupt(Case):
@@ -45,13 +46,39 @@ class Interrupt(Case):
     def test_in_the_middle_of_a_run(self):
         cloud = self.grow(100000)
         before = self.files()
-        for number, stage in ((signal.SIGINT, b"neighbors"), (signal.SIGTERM, b"normals"), (signal.SIGINT, b"fairing")):
+        for number, stage in ((signal.SIGINT, b"neighbors"), (signal.SIGTERM, b"normals"), (signal.SIGINT, b"fairing"),
+                              (signal.SIGHUP, b"fairing")):
             process = self.start("run", cloud, self.path("out.ply"), "--k", 200, "--iterations", 100, "--progress", "plain")
             for line in process.stderr:
                 if line.strip() == stage:
                     break
             self.interrupt(process, number)
             self.assertEqual(self.files(), before)
+
+    def test_a_closed_terminal_leaves_no_folder_of_tiles(self):
+        cloud = self.grow(100000)
+        before = self.files()
+        process = self.start("run", cloud, self.path("out.ply"), "--k", 100, "--tiles", 4, "--progress", "plain")
+        while not any(self.folder.glob(".pointfair-work-*/tile-*")):
+            self.assertIsNone(process.poll())
+            time.sleep(0.001)
+        self.interrupt(process, signal.SIGHUP)
+        self.assertEqual(self.files(), before)
+
+    def test_an_input_that_is_cut_short_meanwhile(self):
+        cloud = self.grow(100000)
+        before = self.files()
+        process = self.start("run", cloud, self.path("out.ply"), "--k", 100, "--iterations", 3, "--progress", "plain")
+        for line in process.stderr:
+            if line.strip() == b"normals":
+                break
+        os.truncate(cloud, 1000)
+        process.wait(60)
+        last = process.stderr.read().decode().splitlines()[-1]
+        process.stderr.close()
+        self.assertEqual(process.returncode, 3)
+        self.assertRegex(last, "^pointfair: a file became shorter.*copy it again")
+        self.assertEqual(self.files(), before)
 
     def test_while_reading_standard_input(self):
         process = self.start("run", "-", self.path("out.ply"), stdin=subprocess.PIPE)

@@ -155,6 +155,12 @@ class Pages(Case):
         self.assertIn("<b>a&b.ply", Page(self.html).rows["name"][0][0])
         self.assertNotIn("<b>", self.html.read_text())
 
+    def test_names_in_another_encoding(self):
+        odd = self.path("H\udcf6he.ply")  # in Latin-1
+        odd.write_bytes(self.scan.read_bytes())
+        self.ok("run", odd, self.out, "--report", self.html, "-q")
+        self.assertTrue("<td>H\ufffdhe.ply</td>" in self.html.read_bytes().decode())
+
     def test_certify_says_what_differs(self):
         self.ok("run", self.scan, self.out, "-q")
         self.ok("certify", self.scan, self.out)

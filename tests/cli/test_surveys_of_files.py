@@ -2,11 +2,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """A folder and a virtual point cloud (VPC) stand for all their files, which are one cloud."""
 import json
+import resource
 import shutil
 import unittest
 
 from program import Case, run
-from survey_files import ground, write_las
+from survey_files import METRES, ground, write_las
 
 
 class Surveys(Case):
@@ -48,6 +49,28 @@ class Surveys(Case):
             self.skipTest("built without LASzip")
         self.ok("run", self.vpc(["./a.copc.laz"]), "--out-dir", self.path("out"), "-q")
         self.assertEqual([entry.name for entry in self.path("out").iterdir()], ["a.laz"])
+
+    def test_a_tile_of_another_coordinate_system_is_named(self):
+        said = self.ok("run", self.tiles, "--out-dir", self.path("one")).stderr.decode()
+        self.assertNotIn("coordinate systems", said)
+        points = sorted(ground(1200))[700:]
+        for n, code in ((1, b'"25833"'), (2, b'"25832"'), (3, b"")):
+            shifted = [(x + 10 * n, y, z) for x, y, z in points]
+            crs = METRES.replace(b'"25832"', code) if code else code
+            write_las(self.tiles / f"part{n}.las", shifted, [2] * len(points), crs=crs)
+        said = self.ok("run", self.tiles, "--out-dir", self.path("two")).stderr.decode()
+        self.assertRegex(said, "note: the inputs have 2 coordinate systems.*: Somewhere, EPSG:25832; Somewhere, EPSG:25833 in part1.las\n")
+        self.fails(2, "run", self.tiles, "--out-dir", self.path("two"), "--noise", "2cm", "--force", says=["part3.las: --noise", "unit"])
+
+    def test_more_files_than_a_process_may_hold_open(self):
+        many = self.path("many")
+        many.mkdir()
+        points = sorted(ground(6000))
+        for n in range(120):
+            write_las(many / f"{n:03}.las", points[20 * n:][:20], [2] * 20)
+        few = lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (110, 110))
+        self.ok("run", many, "--out-dir", self.path("out"), "-q", "--tiles", 3, preexec_fn=few)
+        self.assertEqual(len(list(self.path("out").iterdir())), 120)
 
     def test_what_is_wrong_is_one_line(self):
         survey = self.vpc(["./tiles/part0.las"])

@@ -9,6 +9,7 @@ import pathlib
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 
 parser = argparse.ArgumentParser()
@@ -35,6 +36,26 @@ def check_pkg_config(prefix, version):
     include = pathlib.Path(run("pkg-config", "--variable=includedir", "pointfair", env=environment).strip())
     if found != version or not (include / "pointfair/pointfair.hpp").exists():
         raise SystemExit(f"pkg-config finds version {found} with headers in {include}; installed was {version}")
+
+
+def check_compiled_by_pkg_config(prefix, source, program):
+    """A program compiles with nothing but what pkg-config says of this library."""
+    if not shutil.which("pkg-config"):
+        return None
+    folder, = (file.parent for file in prefix.rglob("pointfair.pc"))
+    words = run("pkg-config", "--cflags", "--libs", "pointfair", env={**os.environ, "PKG_CONFIG_PATH": str(folder)})
+    run(args.compiler, "-std=c++20", *args.flags.split(), source, *words.split(), "-o", program)
+    return run(program)
+
+
+def check_shared(source, build):
+    """A program that is installed with a shared library finds it there, and pkg-config leaves to that library what it links."""
+    run("cmake", "-S", source, "-B", build, "-G", args.generator, f"-DCMAKE_CXX_COMPILER={args.compiler}", "-DBUILD_SHARED_LIBS=ON",
+        "-DPOINTFAIR_CUDA=OFF", "-DPOINTFAIR_TESTS=OFF", "-DPOINTFAIR_VIEWER=OFF")
+    if sys.platform == "linux" and "$ORIGIN/../lib" not in (build / "cli/cmake_install.cmake").read_text():
+        raise SystemExit("the program does not find a shared library that is installed with it")
+    if "Requires.private: tbb" not in (build / "pointfair.pc").read_text():
+        raise SystemExit("who links the shared library needs oneTBB by its name")
 
 
 def program_of(readme):
@@ -98,6 +119,9 @@ with tempfile.TemporaryDirectory() as folder:
     inside, outside = run(args.fingerprint), run(work / "build/fingerprint")
     if inside != outside:
         raise SystemExit(f"the installed library gives other bits\n--- here\n{inside}--- installed\n{outside}")
+    by_pkg_config = check_compiled_by_pkg_config(work / "prefix", here / "fingerprint.cpp", work / "by_pkg_config")
+    if by_pkg_config not in (None, inside):
+        raise SystemExit(f"compiled with pkg-config, the library gives other bits\n{by_pkg_config}")
     run("cmake", "-S", here.parent.parent / "examples", "-B", work / "examples", "-G", args.generator,
         f"-DCMAKE_CXX_COMPILER={args.compiler}", f"-DCMAKE_CXX_FLAGS={args.flags}",
         f"-DCMAKE_PREFIX_PATH={work / 'prefix'}")
@@ -106,3 +130,4 @@ with tempfile.TemporaryDirectory() as folder:
     if not (work / "smooth.ply").read_text(errors="replace").startswith("ply"):
         raise SystemExit("the README's example wrote no smooth.ply")
     check_copied_code(work, copied)
+    check_shared(here.parent.parent, work / "shared")

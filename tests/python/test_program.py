@@ -29,6 +29,12 @@ def test_what_pip_starts_on_windows_runs_the_program(tmp_path):
         assert (through.returncode, through.stdout, through.stderr) == (expected.returncode, expected.stdout, expected.stderr)
 
 
+def test_python_m_pointfair_is_the_program(tmp_path):
+    for words in (["--version"], ["run", tmp_path / "missing.ply", tmp_path / "out.ply"], ["cluster", "--help"]):
+        through, expected = run(sys.executable, "-m", "pointfair", *words), run(PROGRAM, *words)
+        assert (through.returncode, through.stdout, through.stderr) == (expected.returncode, expected.stdout, expected.stderr)
+
+
 @pytest.mark.parametrize("program", PROGRAMS)
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("centre", [(0, 0, 0), (500000.1, 5.8e6, 120)])
