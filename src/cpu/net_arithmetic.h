@@ -3,14 +3,13 @@
 // -127, so two products fit into 16 bits and no instruction saturates: all variants give the same numbers. Part of
 // src/cpu/net_kernels.cpp.
 //
-// Each instruction set has: a SumVector of kSumLanes sums of channels side by side, load_sums() and sum_of() of them;
+// Each instruction set has: a SumVector of kLanes sums of channels side by side, load_sums() and sum_of() of them;
 // load_words(), the weights of one word of inputs for as many channels, and add_word(), which adds their products with
 // that word in every lane; store_for_neighbors(), what is kept of a row of sums, in an order of its own, and
-// add_stored(), which adds it to another row; an ActivationRow, the activations of a row of sums in the registers'
-// order, of which channel_at() says the channels, -1 where a byte counts for nothing, and store_row() brings them into
-// order; a RowSummary, the mean and the largest of kNeighbors rows that come two by two; find_gate(), of each row its
-// sum of products with weights in its order; four_columns(), four numbers of each of kLanes rows of floats, number by
-// number, where from(lane) is the first of them. Sums have the rounding of what comes after in them.
+// add_stored(), which adds it to another row; activations_of() a row of sums, channel_at(), the channel of a byte of
+// such a row, -1 where it counts for nothing, and store_row(), which brings one into order; sums_of_lanes() of kLanes
+// vectors, and floats_of() them; four_columns(), four numbers of each of kLanes rows of floats, number by number, where
+// from(lane) is the first of them. Sums have the rounding of what comes after in them.
 #pragma once
 
 #if defined(__AVX512F__)
@@ -27,7 +26,7 @@ POINTFAIR_INLINE Ints operator+(Ints a, Ints b) { return {a.v + b.v}; }
 POINTFAIR_INLINE Ints operator<<(Ints a, int bits) { return {IntVector(UnsignedVector(a.v) << unsigned(bits))}; }
 
 inline constexpr int kRounding = 1 << (net::kSumShift - 1), kStoredRounding = 1 << (net::kStoredShift - 1);
-inline constexpr int kSumVectors = net::kChannels / kSumLanes;
+inline constexpr int kSumVectors = net::kChannels / kLanes;
 
 // The sums of one point as vectors.
 struct SumRow {
@@ -37,7 +36,7 @@ struct SumRow {
   POINTFAIR_INLINE SumRow(const int* bias, int rounding) {
     alignas(64) int from[net::kChannels];
     for (int c = 0; c < net::kChannels; ++c) from[c] = (bias != nullptr ? bias[c] : 0) + rounding;
-    for (int v = 0; v < kSumVectors; ++v) of[v] = load_sums(from + v * kSumLanes);
+    for (int v = 0; v < kSumVectors; ++v) of[v] = load_sums(from + v * kLanes);
   }
   // Adds weights x inputs, which are `count` bytes, a multiple of 4.
   POINTFAIR_INLINE void add_products(const std::uint8_t* inputs, int count, const std::int8_t* weights) {
@@ -45,7 +44,7 @@ struct SumRow {
       int word;
       __builtin_memcpy(&word, inputs + i, sizeof word);
       const auto all = broadcast_word(word);
-      for (int v = 0; v < kSumVectors; ++v) of[v] = add_word(of[v], all, load_words(weights + 4 * v * kSumLanes));
+      for (int v = 0; v < kSumVectors; ++v) of[v] = add_word(of[v], all, load_words(weights + 4 * v * kLanes));
     }
   }
   POINTFAIR_INLINE void add(const SumRow& other) {
@@ -57,7 +56,7 @@ struct SumRow {
 class EdgeWeights {
  public:
   POINTFAIR_INLINE explicit EdgeWeights(const std::int8_t* weights) {
-    for (int i = 0; i < net::kEdgeWords * kSumVectors; ++i) of_[i] = load_words(weights + 4 * i * kSumLanes);
+    for (int i = 0; i < net::kEdgeWords * kSumVectors; ++i) of_[i] = load_words(weights + 4 * i * kLanes);
   }
   // What an edge makes of the point's own part, of its neighbour's and of its features.
   POINTFAIR_INLINE ActivationRow activations(const SumRow& own, const std::int16_t* there, const int* words) const {
@@ -71,7 +70,7 @@ class EdgeWeights {
   }
 
  private:
-  decltype(load_words(nullptr)) of_[net::kEdgeWords * kSumVectors];
+  SumVector of_[net::kEdgeWords * kSumVectors];
 };
 
 // The weights of gates in the order of rows.
@@ -84,6 +83,20 @@ struct GateWeights {
         of[gate][byte] = channel_at(byte) < 0 ? std::int8_t{0} : rows[gate * net::kChannels + channel_at(byte)];
   }
 };
+
+// Of every row its products with the weights of one gate.
+POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
+  for (int first = 0; first < net::kNeighbors; first += kLanes) {
+    SumVector products[kLanes];
+    for (int lane = 0; lane < kLanes; ++lane) {
+      products[lane] = broadcast_word(0);
+      for (int v = 0; v < kRowVectors; ++v)
+        products[lane] =
+            add_word(products[lane], SumVector(rows[first + lane].of[v]), load_words(weights + v * kRegisterBytes));
+    }
+    store(out + first, floats_of(sums_of_lanes(products)));
+  }
+}
 
 // One row of weights times activations.
 POINTFAIR_INLINE int product(const std::uint8_t* activations, const std::int8_t* weights) {

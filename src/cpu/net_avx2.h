@@ -5,16 +5,12 @@
 #include <array>
 #include <cstdint>
 
-#include "cpu/pack.h"
-#include "point/net.h"
+#include "cpu/net_rows.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-namespace net = point::net;
-
-inline constexpr int kSumLanes = 8;
 using SumVector = __m256i;
-static_assert(net::kChannels == 6 * kSumLanes && net::kNeighbors == 2 * kSumLanes && net::kGates == 3);
+static_assert(net::kChannels == 6 * kLanes && net::kNeighbors == 2 * kLanes && net::kGates == 3);
 
 POINTFAIR_INLINE __m256i load_wide(const void* p) { return _mm256_loadu_si256(static_cast<const __m256i*>(p)); }
 POINTFAIR_INLINE SumVector load_sums(const int* p) { return load_wide(p); }
@@ -41,7 +37,7 @@ POINTFAIR_INLINE SumVector add_pairs(SumVector sum, __m256i pairs, int factors) 
 POINTFAIR_INLINE void add_stored(const SumVector* own, const std::int16_t* stored, SumVector* sums) {
   constexpr int kFirst = 1 << net::kStoredShift, kSecond = kFirst << 16;
   for (int v = 0; v < 6; v += 2) {
-    const __m256i pairs = load_wide(stored + v * kSumLanes);
+    const __m256i pairs = load_wide(stored + v * kLanes);
     sums[v] = add_pairs(own[v], pairs, kFirst);
     sums[v + 1] = add_pairs(own[v + 1], pairs, kSecond);
   }
@@ -53,71 +49,31 @@ POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* o
   };
   for (int v = 0; v < 6; v += 2) {
     const __m256i pairs = _mm256_blend_epi16(narrow(v), _mm256_slli_epi32(narrow(v + 1), 16), 0xaa);
-    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + v * kSumLanes), pairs);
+    _mm256_storeu_si256(reinterpret_cast<__m256i*>(out + v * kLanes), pairs);
   }
 }
 
 // In each 128 bits, four channels of each of four sums; then of the last two, twice.
-struct Row256 {
-  __m256i first, last;
-};
-using ActivationRow = Row256;
-inline constexpr int kRowBytes = 64;
 constexpr int channel_at(int byte) {
   const int sum = byte / 32 * 4 + byte / 4 % 4;
-  return sum >= 6 ? -1 : kSumLanes * sum + byte % 32 / 16 * 4 + byte % 4;
+  return sum >= 6 ? -1 : kLanes * sum + byte % 32 / 16 * 4 + byte % 4;
 }
 POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
   const auto packed = [&](int v) {
     return _mm256_srai_epi16(_mm256_packs_epi32(sums[v], sums[v + 1]), net::kSumShift);
   };
   const __m256i most = _mm256_set1_epi8(127), last = packed(4);
-  return {_mm256_min_epu8(_mm256_packus_epi16(packed(0), packed(2)), most),
-          _mm256_min_epu8(_mm256_packus_epi16(last, last), most)};
+  return {{Bytes(_mm256_min_epu8(_mm256_packus_epi16(packed(0), packed(2)), most)),
+           Bytes(_mm256_min_epu8(_mm256_packus_epi16(last, last), most))}};
 }
 // In the order of the channels.
-POINTFAIR_INLINE void store_row(ActivationRow row, std::uint8_t* out) {
+POINTFAIR_INLINE void store_row(const ActivationRow& row, std::uint8_t* out) {
   const __m256i order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
-  const __m256i last = _mm256_permutevar8x32_epi32(row.last, order);
-  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_permutevar8x32_epi32(row.first, order));
+  const __m256i last = _mm256_permutevar8x32_epi32(__m256i(row.of[1]), order);
+  _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm256_permutevar8x32_epi32(__m256i(row.of[0]), order));
   _mm_storeu_si128(reinterpret_cast<__m128i*>(out + 32), _mm256_castsi256_si128(last));
 }
 
-// Sums and largest of rows, which come in pairs.
-class Summary256 {
- public:
-  POINTFAIR_INLINE void add(ActivationRow a, ActivationRow b) {
-    first_.add(a.first, b.first);
-    last_.add(a.last, b.last);
-  }
-  POINTFAIR_INLINE ActivationRow largest() const { return {first_.most, last_.most}; }
-  POINTFAIR_INLINE ActivationRow mean() const { return {first_.mean(), last_.mean()}; }
-
- private:
-  struct Half {
-    __m256i even = _mm256_setzero_si256(), odd = even, most = even;
-
-    POINTFAIR_INLINE void add(__m256i a, __m256i b) {
-      const __m256i both = _mm256_add_epi8(a, b);  // at most 254
-      even = _mm256_add_epi16(even, _mm256_and_si256(both, _mm256_set1_epi16(255)));
-      odd = _mm256_add_epi16(odd, _mm256_srli_epi16(both, 8));
-      most = _mm256_max_epu8(most, _mm256_max_epu8(a, b));
-    }
-    POINTFAIR_INLINE __m256i mean() const {
-      const auto mean_of = [](__m256i sum) {
-        return _mm256_srli_epi16(_mm256_add_epi16(sum, _mm256_set1_epi16(net::kNeighbors / 2)), 4);
-      };
-      return _mm256_or_si256(mean_of(even), _mm256_slli_epi16(mean_of(odd), 8));
-    }
-  };
-  Half first_, last_;
-};
-using RowSummary = Summary256;
-
-POINTFAIR_INLINE SumVector products_of(ActivationRow row, const std::int8_t* weights) {
-  const SumVector first = add_word(_mm256_setzero_si256(), row.first, load_words(weights));
-  return add_word(first, row.last, load_words(weights + 32));
-}
 // The sums of the lanes of 8 vectors.
 POINTFAIR_INLINE SumVector sums_of_lanes(const SumVector* of) {
   const auto four = [](const SumVector* v) {
@@ -126,14 +82,7 @@ POINTFAIR_INLINE SumVector sums_of_lanes(const SumVector* of) {
   const SumVector a = four(of), b = four(of + 4);
   return _mm256_add_epi32(_mm256_permute2x128_si256(a, b, 0x20), _mm256_permute2x128_si256(a, b, 0x31));
 }
-// Of every row its products with `weights`, which lie in the order of rows.
-POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
-  for (int first = 0; first < net::kNeighbors; first += 8) {
-    SumVector products[8];
-    for (int e = 0; e < 8; ++e) products[e] = products_of(rows[first + e], weights);
-    _mm256_storeu_ps(out + first, _mm256_cvtepi32_ps(sums_of_lanes(products)));
-  }
-}
+POINTFAIR_INLINE Floats floats_of(SumVector sums) { return Floats(FloatVector(_mm256_cvtepi32_ps(sums))); }
 
 template <class From>
 POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {

@@ -5,16 +5,12 @@
 #include <array>
 #include <cstdint>
 
-#include "cpu/pack.h"
-#include "point/net.h"
+#include "cpu/net_rows.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-namespace net = point::net;
-
-inline constexpr int kSumLanes = 16;
 using SumVector = __m512i;
-static_assert(net::kChannels == 3 * kSumLanes && net::kNeighbors == kSumLanes && net::kGates == 3);
+static_assert(net::kChannels == 3 * kLanes && net::kNeighbors == kLanes && net::kGates == 3);
 
 POINTFAIR_INLINE SumVector load_sums(const int* p) { return _mm512_loadu_si512(p); }
 POINTFAIR_INLINE SumVector load_words(const std::int8_t* p) { return _mm512_loadu_si512(p); }
@@ -53,53 +49,23 @@ POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* o
 }
 
 // In each 128 bits, four channels of each of the three sums, and those of the last once more.
-struct Row512 {
-  __m512i v;
-};
-using ActivationRow = Row512;
-inline constexpr int kRowBytes = 64;
 constexpr int channel_at(int byte) {
   const int sum = byte / 4 % 4;
-  return sum == 3 ? -1 : kSumLanes * sum + byte / 16 * 4 + byte % 4;
+  return sum == 3 ? -1 : kLanes * sum + byte / 16 * 4 + byte % 4;
 }
 POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
   const __m512i first = _mm512_srai_epi16(_mm512_packs_epi32(sums[0], sums[1]), net::kSumShift);
   const __m512i last = _mm512_srai_epi16(_mm512_packs_epi32(sums[2], sums[2]), net::kSumShift);
-  return {_mm512_min_epu8(_mm512_packus_epi16(first, last), _mm512_set1_epi8(127))};
+  return {{Bytes(_mm512_min_epu8(_mm512_packus_epi16(first, last), _mm512_set1_epi8(127)))}};
 }
 // In the order of the channels.
-POINTFAIR_INLINE void store_row(ActivationRow row, std::uint8_t* out) {
+POINTFAIR_INLINE void store_row(const ActivationRow& row, std::uint8_t* out) {
   const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
-  const __m512i all = _mm512_permutexvar_epi32(order, row.v);
+  const __m512i all = _mm512_permutexvar_epi32(order, __m512i(row.of[0]));
   _mm256_storeu_si256(reinterpret_cast<__m256i*>(out), _mm512_castsi512_si256(all));
   _mm_storeu_si128(reinterpret_cast<__m128i*>(out + 32), _mm512_extracti32x4_epi32(all, 2));
 }
 
-// Sums and largest of rows, which come in pairs.
-class Summary512 {
- public:
-  POINTFAIR_INLINE void add(ActivationRow a, ActivationRow b) {
-    const __m512i both = _mm512_add_epi8(a.v, b.v);  // at most 254
-    even_ = _mm512_add_epi16(even_, _mm512_and_si512(both, _mm512_set1_epi16(255)));
-    odd_ = _mm512_add_epi16(odd_, _mm512_srli_epi16(both, 8));
-    most_ = _mm512_max_epu8(most_, _mm512_max_epu8(a.v, b.v));
-  }
-  POINTFAIR_INLINE ActivationRow largest() const { return {most_}; }
-  POINTFAIR_INLINE ActivationRow mean() const {
-    const auto mean_of = [](__m512i sum) {
-      return _mm512_srli_epi16(_mm512_add_epi16(sum, _mm512_set1_epi16(net::kNeighbors / 2)), 4);
-    };
-    return {_mm512_or_si512(mean_of(even_), _mm512_slli_epi16(mean_of(odd_), 8))};
-  }
-
- private:
-  __m512i even_ = _mm512_setzero_si512(), odd_ = even_, most_ = even_;
-};
-using RowSummary = Summary512;
-
-POINTFAIR_INLINE SumVector products_of(ActivationRow row, const std::int8_t* weights) {
-  return add_word(_mm512_setzero_si512(), row.v, load_words(weights));
-}
 // The sums of the lanes of 16 vectors.
 POINTFAIR_INLINE SumVector sums_of_lanes(const SumVector* of) {
   SumVector fours[4];
@@ -116,12 +82,7 @@ POINTFAIR_INLINE SumVector sums_of_lanes(const SumVector* of) {
   };
   return quarters(quarters(fours[0], fours[1]), quarters(fours[2], fours[3]));
 }
-// Of every row its products with `weights`, which lie in the order of rows.
-POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
-  SumVector products[net::kNeighbors];
-  for (int e = 0; e < net::kNeighbors; ++e) products[e] = products_of(rows[e], weights);
-  _mm512_storeu_ps(out, _mm512_cvtepi32_ps(sums_of_lanes(products)));
-}
+POINTFAIR_INLINE Floats floats_of(SumVector sums) { return Floats(FloatVector(_mm512_cvtepi32_ps(sums))); }
 
 template <class From>
 POINTFAIR_INLINE std::array<Floats, 4> four_columns(const From& from) {

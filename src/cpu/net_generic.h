@@ -6,22 +6,16 @@
 #include <array>
 #include <cstdint>
 
-#include "cpu/pack.h"
-#include "point/net.h"
+#include "cpu/net_rows.h"
 
 namespace pointfair::cpu::POINTFAIR_ISA {
 
-namespace net = point::net;
-
-inline constexpr int kSumLanes = 4;
 typedef int SumVector __attribute__((vector_size(16)));
 typedef std::int16_t StoredVector __attribute__((vector_size(8)));
 typedef std::uint8_t FourBytes __attribute__((vector_size(4)));
 typedef std::int8_t SignedBytes __attribute__((vector_size(16)));
-typedef std::uint8_t Bytes __attribute__((vector_size(16)));
-typedef std::uint16_t BytePairs __attribute__((vector_size(16)));
-inline constexpr int kVectors = net::kChannels / kSumLanes, kRowVectors = net::kChannels / 16;
-static_assert(net::kChannels % 16 == 0 && net::kNeighbors == 16);
+inline constexpr int kVectors = net::kChannels / kLanes;
+static_assert(net::kChannels % kRegisterBytes == 0);
 
 template <class To>
 POINTFAIR_INLINE To loaded(const void* p) {
@@ -30,12 +24,12 @@ POINTFAIR_INLINE To loaded(const void* p) {
   return result;
 }
 POINTFAIR_INLINE SumVector load_sums(const int* p) { return loaded<SumVector>(p); }
-POINTFAIR_INLINE SignedBytes load_words(const std::int8_t* p) { return loaded<SignedBytes>(p); }
-POINTFAIR_INLINE SignedBytes broadcast_word(int word) { return SignedBytes(SumVector{word, word, word, word}); }
+POINTFAIR_INLINE SumVector load_words(const std::int8_t* p) { return loaded<SumVector>(p); }
+POINTFAIR_INLINE SumVector broadcast_word(int word) { return SumVector{word, word, word, word}; }
 POINTFAIR_INLINE SumVector sum_of(SumVector a, SumVector b) { return a + b; }
 
 // `inputs` are at most 127 and not negative.
-POINTFAIR_INLINE SumVector add_word(SumVector sum, SignedBytes inputs, SignedBytes weights) {
+POINTFAIR_INLINE SumVector add_word(SumVector sum, SumVector inputs, SumVector weights) {
 #if defined(__SSE2__)
   const __m128i a = __m128i(inputs), w = __m128i(weights), zero = _mm_setzero_si128();
   const auto products = [](__m128i x, __m128i twice) { return _mm_madd_epi16(x, _mm_srai_epi16(twice, 8)); };
@@ -47,7 +41,8 @@ POINTFAIR_INLINE SumVector add_word(SumVector sum, SignedBytes inputs, SignedByt
   const int16x8_t low = vmull_s8(vget_low_s8(a), vget_low_s8(w)), high = vmull_high_s8(a, w);
   return SumVector(vpadalq_s16(int32x4_t(sum), vpaddq_s16(low, high)));
 #else
-  for (int i = 0; i < 16; ++i) sum[i / 4] += inputs[i] * weights[i];
+  const SignedBytes a = SignedBytes(inputs), w = SignedBytes(weights);
+  for (int i = 0; i < 16; ++i) sum[i / 4] += a[i] * w[i];
   return sum;
 #endif
 }
@@ -59,22 +54,17 @@ POINTFAIR_INLINE SumVector clamped(SumVector value, int least, int most) {
 }
 POINTFAIR_INLINE void add_stored(const SumVector* own, const std::int16_t* stored, SumVector* sums) {
   for (int v = 0; v < kVectors; ++v)
-    sums[v] = own[v] + __builtin_convertvector(loaded<StoredVector>(stored + v * kSumLanes), SumVector) *
-                           (1 << net::kStoredShift);
+    sums[v] = own[v] +
+              __builtin_convertvector(loaded<StoredVector>(stored + v * kLanes), SumVector) * (1 << net::kStoredShift);
 }
 POINTFAIR_INLINE void store_for_neighbors(const SumVector* sums, std::int16_t* out) {
   for (int v = 0; v < kVectors; ++v) {
     const auto narrow = __builtin_convertvector(clamped(sums[v] >> net::kStoredShift, -32768, 32767), StoredVector);
-    __builtin_memcpy(out + v * kSumLanes, &narrow, sizeof narrow);
+    __builtin_memcpy(out + v * kLanes, &narrow, sizeof narrow);
   }
 }
 
 // In the order of the channels.
-struct RowOfBytes {
-  Bytes of[kRowVectors];
-};
-using ActivationRow = RowOfBytes;
-inline constexpr int kRowBytes = net::kChannels;
 constexpr int channel_at(int byte) { return byte; }
 POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
   ActivationRow row;
@@ -88,7 +78,7 @@ POINTFAIR_INLINE ActivationRow activations_of(const SumVector* sums) {
 #else
   for (int v = 0; v < kVectors; ++v) {
     const auto bytes = __builtin_convertvector(clamped(sums[v] >> net::kSumShift, 0, 127), FourBytes);
-    __builtin_memcpy(reinterpret_cast<std::uint8_t*>(row.of) + v * kSumLanes, &bytes, sizeof bytes);
+    __builtin_memcpy(reinterpret_cast<std::uint8_t*>(row.of) + v * kLanes, &bytes, sizeof bytes);
   }
 #endif
   return row;
@@ -97,40 +87,12 @@ POINTFAIR_INLINE void store_row(const ActivationRow& row, std::uint8_t* out) {
   __builtin_memcpy(out, row.of, sizeof row.of);
 }
 
-// Sums and largest of rows, which come in pairs.
-class SummaryOfBytes {
- public:
-  POINTFAIR_INLINE void add(const ActivationRow& a, const ActivationRow& b) {
-    for (int v = 0; v < kRowVectors; ++v) {
-      const BytePairs both = BytePairs(a.of[v] + b.of[v]);  // at most 254
-      even_[v] += both & 255;
-      odd_[v] += both >> 8;
-      const Bytes larger = a.of[v] > b.of[v] ? a.of[v] : b.of[v];
-      most_.of[v] = larger > most_.of[v] ? larger : most_.of[v];
-    }
-  }
-  POINTFAIR_INLINE ActivationRow largest() const { return most_; }
-  POINTFAIR_INLINE ActivationRow mean() const {
-    const auto mean_of = [](BytePairs sum) { return (sum + net::kNeighbors / 2) >> 4; };
-    ActivationRow row;
-    for (int v = 0; v < kRowVectors; ++v) row.of[v] = Bytes(mean_of(even_[v]) | mean_of(odd_[v]) << 8);
-    return row;
-  }
-
- private:
-  BytePairs even_[kRowVectors] = {}, odd_[kRowVectors] = {};
-  ActivationRow most_ = {};
-};
-using RowSummary = SummaryOfBytes;
-
-// Of every row its products with `weights`.
-POINTFAIR_INLINE void find_gate(const ActivationRow* rows, const std::int8_t* weights, float* out) {
-  for (int e = 0; e < net::kNeighbors; ++e) {
-    SumVector sum{};
-    for (int v = 0; v < kRowVectors; ++v) sum = add_word(sum, SignedBytes(rows[e].of[v]), load_words(weights + 16 * v));
-    out[e] = static_cast<float>(sum[0] + sum[1] + sum[2] + sum[3]);
-  }
+// The sums of the lanes of 4 vectors.
+POINTFAIR_INLINE SumVector sums_of_lanes(const SumVector* of) {
+  const auto sum = [&](int v) { return of[v][0] + of[v][1] + of[v][2] + of[v][3]; };
+  return SumVector{sum(0), sum(1), sum(2), sum(3)};
 }
+POINTFAIR_INLINE Floats floats_of(SumVector sums) { return Floats(__builtin_convertvector(sums, FloatVector)); }
 
 // Four numbers of each of kLanes rows of floats, number by number; from(lane) is where those of a row begin.
 template <class From>
