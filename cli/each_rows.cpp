@@ -45,9 +45,10 @@ std::string csv_of(const std::vector<Row>& rows) {
 std::vector<std::vector<std::string>> fields_of(const std::string& csv) {
   std::vector<std::vector<std::string>> lines(1, {""});
   bool is_quoted = false;
+  char before = 0;
   for (const char c : csv) {
     if (c == '"') {
-      if (!is_quoted && !lines.back().back().empty()) lines.back().back() += c;  // the second of two
+      if (!is_quoted && before == '"') lines.back().back() += c;  // the second of two
       is_quoted = !is_quoted;
     } else if (is_quoted || (c != ',' && c != '\n')) {
       lines.back().back() += c;
@@ -56,6 +57,7 @@ std::vector<std::vector<std::string>> fields_of(const std::string& csv) {
     } else {
       lines.push_back({""});
     }
+    before = c;
   }
   return lines;
 }
