@@ -15,7 +15,8 @@ PAGE, PICTURE = ROOT / "docs/benchmarks.md", ROOT / "docs/pictures/benchmarks.sv
 NOISE = "even 0.3 %"
 SHAPES = {"armadillo": "Armadillo", "fandisk": "Fandisk"}
 ROWS = {"noisy": "noisy", "CGAL bilateral, best of 5": "CGAL bilateral, best setting", "CGAL jet, best of 4": "CGAL jet, best setting",
-        "PCL MLS, best of 4": "PCL MLS, best setting", "pointfair": "pointfair, default run"}
+        "PCL MLS, best of 4": "PCL MLS, best setting", "pointfair": "pointfair, default run",
+        "pointfair --method learned": "pointfair, learned method"}
 WIDTH, LEFT, PANEL, LINE, TOP = 940, 220, 290, 30, 64
 
 
@@ -39,7 +40,7 @@ def chart(page):
         parts.append(f'<text x="{x}" y="{TOP - 14}">{title}, noise {NOISE.split(" ", 1)[1]}</text>')
         for line, (name, label) in enumerate(ROWS.items()):
             y, length = TOP + LINE * line, PANEL * values[name] / longest
-            color = "#2a7a6f" if name == "pointfair" else "#b9c4cf"
+            color = "#2a7a6f" if name.startswith("pointfair") else "#b9c4cf"
             if number == 0:
                 parts.append(f'<text x="{LEFT - 10}" y="{y + 15}" text-anchor="end">{label}</text>')
             parts.append(f'<rect x="{x}" y="{y}" width="{length:.1f}" height="20" fill="{color}"/>'

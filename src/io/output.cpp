@@ -6,7 +6,9 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
+#include <mutex>
 #include <optional>
+#include <set>
 #include <system_error>
 #include <utility>
 
@@ -43,6 +45,14 @@ UnfinishedFile* remember(const fs::path::string_type& path) {
     return &file;
   }
   return nullptr;
+}
+
+// What outputs of processes that were killed have left in the folder, once a folder: a process may write many files.
+void remove_what_was_left(const fs::path& folder) {
+  static std::mutex mutex;
+  static std::set<fs::path> folders;
+  const std::lock_guard lock(mutex);
+  if (folders.insert(folder).second) remove_abandoned(folder, kUnfinishedOutput);
 }
 
 [[noreturn]] void fail_to_write(const std::string& name, int error) {
@@ -116,6 +126,7 @@ class AtomicOutput : public Output {
  public:
   AtomicOutput(const fs::path& target, std::string name, bool overwrite, bool sync)
       : target_(target), name_(std::move(name)), overwrite_(overwrite), sync_(sync) {
+    remove_what_was_left(target_.parent_path());
     do {
       temporary_ = target_.parent_path() / unfinished_name(kUnfinishedOutput);
       slot_ = remember(temporary_.native());

@@ -4,6 +4,7 @@ import os
 import pathlib
 import re
 import signal
+import socket
 import subprocess
 import time
 import unittest
@@ -103,13 +104,26 @@ class Interrupt(Case):
             process = self.start("noise", cloud, self.path("out.ply"), "--sigma", "1%", "-q")
             time.sleep(0.01 * delay)
             process.send_signal(signal.SIGTERM)
-            process.wait(10)
+            process.wait(60)
             process.stderr.close()
             self.assertIn(process.returncode, (0, 130, -signal.SIGTERM))  # the last: before it had begun
             if self.path("out.ply").exists():
                 self.assertEqual(self.path("out.ply").stat().st_size, size)
                 self.path("out.ply").unlink()
             self.assertEqual(self.files(), before)
+
+    def test_what_a_killed_run_left_goes_with_the_next_output(self):
+        cloud = self.grow(1000)
+        dead = subprocess.Popen(["true"])
+        dead.wait()
+        numbers = "-" + re.sub(r"\D", "", os.readlink("/proc/self/ns/pid"))
+        left, of_another = (self.path(f".pointfair-{name}-{dead.pid}-0")
+                            for name in (socket.gethostname() + numbers, socket.gethostname() + numbers + "1"))
+        for file in (left, of_another):
+            file.write_bytes(b"half")
+        self.ok("noise", cloud, self.path("out.ply"), "--sigma", "1%", "-q")
+        self.assertFalse(left.exists())
+        self.assertTrue(of_another.exists())
 
     def test_bench(self):
         process = self.start("bench", "--points", 200000, "--repeat", 1000, stdout=subprocess.PIPE)

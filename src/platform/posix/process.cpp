@@ -11,10 +11,15 @@ namespace pointfair::platform {
 
 int process_id() { return ::getpid(); }
 
+// Containers may share the host's name and number their processes on their own, which Linux tells by this link.
 std::string machine_name() {
-  std::array<char, 256> name{};
+  std::array<char, 256> name{}, numbers{};
   ::gethostname(name.data(), name.size() - 1);
-  return name.data();
+  std::string machine = name.data();
+  if (::readlink("/proc/self/ns/pid", numbers.data(), numbers.size() - 1) > 0) machine += '-';
+  for (const char* at = numbers.data(); *at != '\0'; ++at)
+    if (*at >= '0' && *at <= '9') machine += *at;
+  return machine;
 }
 
 #ifdef __wasi__
