@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from errors import Random
@@ -117,6 +118,31 @@ def airborne(scene: Scene, rng: Random, lines, half: float, height: float, count
         mixed[mixed] = scene.caster.distance(points[valid][mixed]) > 5 * sigma
         views.append(kept(scene, valid, points, exact, normal, origin, triangle, mixed, near))
     return together(views)
+
+
+def fans(scene: Scene, rng: Random, half: float, height: float, angle: float, lines: int, beams: int, sigma: float,
+         jitter: float, heave: float = 0.0, roll: float = 0.0, memory: float = 10.0, swing: bool = False) -> Rows:
+    """Lines at even steps along y, each a fan of beams at even steps within `angle` degrees of straight down, to and fro with
+    `swing`: noise sigma along the ray, more with distance, and jitter of beams in degrees. What is not known of heave (metres) and
+    roll (degrees) is one number a line, correlated over `memory` lines."""
+    y = np.linspace(-half, half, lines)[:, None] + np.zeros(beams)
+    tilt = np.radians(np.linspace(-angle, angle, beams)) + np.zeros((lines, 1))
+    if swing:
+        tilt[1::2] = tilt[1::2, ::-1]
+        y = y + np.linspace(0, 2 * half / lines, beams)
+    slow = gaussian_filter1d(rng.normal(size=(2, lines + 1)), memory, mode="wrap")[:, :lines]
+    up, lean = slow / slow.std(1, keepdims=True) * [[heave], [np.radians(roll)]]
+    beam_of = lambda t: np.stack([np.sin(t), np.zeros_like(t), -np.cos(t)], -1)
+    origin = np.stack([np.zeros_like(y), y, np.full_like(y, height)], -1)
+    true = beam_of(tilt + np.radians(jitter) * rng.normal(size=tilt.shape))
+    ranges, normal, triangle = scene.caster.cast(origin, true)
+    keep = np.isfinite(ranges)
+    ranges = np.where(keep, ranges, np.nan)
+    exact = origin + ranges[..., None] * true
+    measured = ranges + sigma * np.sqrt(np.nan_to_num(ranges, nan=height) / height) * rng.normal(size=ranges.shape)
+    points = origin + measured[..., None] * beam_of(tilt + lean[:, None]) + up[:, None, None] * [0, 0, 1]
+    near = jumps(exact, normal, keep, np.full(keep.shape, 2 * half / lines))
+    return kept(scene, keep, points, exact, normal, origin, triangle, np.zeros(keep.sum(), bool), near)
 
 
 def rosette(scene: Scene, rng: Random, origin, heading: float, half: float, petals: float, strokes: int, count: int, sigma: float,

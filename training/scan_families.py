@@ -234,6 +234,31 @@ def airborne_terrain(rng: Random) -> Drawn:
     return _strips(rng, grounds.terrain(rng), int(rng.integers(1, 4)))
 
 
+def _fans(rng: Random, half: float, height: float, angle: float, sigma: float, **settings) -> Drawn:
+    """Natural ground under a line scanner, lines a third to three times as far apart as beams."""
+    count = usual_count(rng)
+    half = min(half, height * np.tan(np.radians(angle)))
+    lines = int(np.clip(np.sqrt(count) * log_uniform(rng, .6, 1.7), 60, count // 60))
+    settings |= dict(angle=float(np.degrees(np.arctan(half / height))), lines=lines, beams=count // lines, sigma=sigma)
+    return Drawn(scene := grounds.terrain(rng), lasers.fans(scene, rng, half, height, **settings), settings)
+
+
+@family("scans")
+def airborne_lines(rng: Random) -> Drawn:
+    """Natural ground under a turning mirror: even lines of even beams, or lines to and fro."""
+    spread = log_uniform(rng, .01, .2)
+    return _fans(rng, log_uniform(rng, 12, 50), rng.uniform(280, 700), 30, spread, jitter=log_uniform(rng, .0001, .004), swing=rng.random() < .4)
+
+
+@family("scans", correlated=True)
+def sonar_fans(rng: Random) -> Drawn:
+    """Ground under the fans of a boat, whose heave and roll are not quite known."""
+    height = rng.uniform(10, 40)
+    sigma = height * log_uniform(rng, .0005, .004)
+    return _fans(rng, 50, height, rng.uniform(45, 62), sigma, jitter=log_uniform(rng, .002, .05),
+                 heave=sigma * log_uniform(rng, .1, 2), roll=log_uniform(rng, .01, .15), memory=rng.uniform(2, 40))
+
+
 @family("scans")
 def airborne_forest(rng: Random) -> Drawn:
     """Ground and trunks under crowns of leaves."""

@@ -163,6 +163,19 @@ def grid_noisy(rng: Random) -> Drawn:
     return _vertex_drawn(scene, error, {"sigma": sigma})
 
 
+@family("special")
+def grid_waves(rng: Random) -> Drawn:
+    """A regular grid, as of a terrain model, over ground whose least waves are some cells long and as high as the noise, which is
+    white along z or in all directions."""
+    side = int(rng.integers(100, 260))
+    x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float) * log_uniform(rng, .6, 1.7))
+    ground = Relief(rng, int(rng.integers(1, 6)), side * log_uniform(rng, .06, .6), side * log_uniform(rng, .001, .06), rng.uniform(1.5, 2.4))
+    scene = scene_of("ground", sheet(x, y, ground(x, y)))
+    sigma = log_uniform(rng, .02, .8)
+    error = sigma * rng.normal(size=scene.vertices.shape) * ([0, 0, 1] if rng.random() < .7 else 1)
+    return _vertex_drawn(scene, error, {"sigma": sigma})
+
+
 def grid_cube(cells: int, size: tuple[float, float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Points of a box meshed by a regular grid, each once, and the outward normals (those of edges lie between)."""
     axis = np.arange(cells + 1)

@@ -35,4 +35,5 @@ CLIP = 4.0  # noises, of heights that gates weigh
 
 # Families of which nets before left some clouds worse than the default run: pieces.py draws more of them, train.py gives
 # them turns of their own.
-HARD = ("object_anisotropic", "much_noise_along", "thin_plates", "fine_relief", "terrestrial_close")
+HARD = ("object_anisotropic", "much_noise_along", "thin_plates", "fine_relief", "terrestrial_close", "grid_waves",
+        "airborne_lines", "sonar_fans")
