@@ -169,7 +169,9 @@ def grid_waves(rng: Random) -> Drawn:
     white along z or in all directions."""
     side = int(rng.integers(100, 260))
     x, y = np.meshgrid(np.arange(side, dtype=float), np.arange(side, dtype=float) * log_uniform(rng, .6, 1.7))
-    ground = Relief(rng, int(rng.integers(1, 6)), side * log_uniform(rng, .06, .6), side * log_uniform(rng, .001, .06), rng.uniform(1.5, 2.4))
+    longest = side * log_uniform(rng, .1, .6)
+    octaves = int(rng.integers(1, 2 + int(np.log2(longest / 8))))  # the shortest waves are 8 cells long, some of them 6
+    ground = Relief(rng, octaves, longest, longest * log_uniform(rng, .002, .1), rng.uniform(1.5, 2.4))
     scene = scene_of("ground", sheet(x, y, ground(x, y)))
     sigma = log_uniform(rng, .02, .8)
     error = sigma * rng.normal(size=scene.vertices.shape) * ([0, 0, 1] if rng.random() < .7 else 1)
