@@ -100,13 +100,7 @@ class Build:
         run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
 
     def collect_licenses(self, sources, nanobind):
-        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind, self.target.is_windows,
-                         self.cuda_toolkit() if self.target.cuda else None)
-
-    def cuda_toolkit(self):
-        """The folder of the toolkit whose runtime CMake found."""
-        runtime, = re.findall(r"^CUDA_cudart_static_LIBRARY:FILEPATH=(.*)$", (self.work / "build/CMakeCache.txt").read_text(), re.M)
-        return next(folder for folder in pathlib.Path(runtime).resolve().parents if (folder / "bin/nvcc").exists())
+        collect_licenses(self.licenses, sources, self.work / "build", self.zig, nanobind, self.target.is_windows)
 
     def make_archive(self, version, dist):
         """pointfair-VERSION-TARGET.tar.gz, or .zip for Windows, with a folder of that name."""
