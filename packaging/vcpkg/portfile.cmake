@@ -18,6 +18,6 @@ if("tools" IN_LIST FEATURES)
     COMMAND "${source}/packaging/smoke.sh" "${CURRENT_PACKAGES_DIR}/tools/pointfair/pointfair"
     WORKING_DIRECTORY "${source}" LOGNAME "smoke-${TARGET_TRIPLET}")
 endif()
-file(REMOVE_RECURSE "${CURRENT_PACKAGES_DIR}/debug/include")
+file(REMOVE_RECURSE "${CURRENT_PACKAGES_DIR}/debug/include" "${CURRENT_PACKAGES_DIR}/debug/share")
 file(INSTALL "${CMAKE_CURRENT_LIST_DIR}/usage" DESTINATION "${CURRENT_PACKAGES_DIR}/share/${PORT}")
 vcpkg_install_copyright(FILE_LIST "${source}/LICENSE")

@@ -98,21 +98,19 @@ class Build:
         run("cmake", "--build", self.work / "build")
         shutil.rmtree(self.prefix, ignore_errors=True)
         run("cmake", "--install", self.work / "build", "--prefix", self.prefix)
+        if not self.target.is_windows:
+            program = (self.work if self.target.runs_here else self.shared / "linux-x86_64") / "prefix/bin/pointfair"
+            page = self.prefix / "share/man/man1/pointfair.1"
+            page.parent.mkdir(parents=True)
+            run("cmake", f"-DPROGRAM={program}", f"-DPAGE={page}", "-P", ROOT / "cmake/manual_page.cmake")
 
     def collect_licenses(self, sources, nanobind):
-        collect_licenses(self.licenses, sources, self.work / "build/viewer/web", self.zig, nanobind, self.target.is_windows,
-                         self.cuda_toolkit() if self.target.cuda else None)
-
-    def cuda_toolkit(self):
-        """The folder of the toolkit whose runtime CMake found."""
-        runtime, = re.findall(r"^CUDA_cudart_static_LIBRARY:FILEPATH=(.*)$", (self.work / "build/CMakeCache.txt").read_text(), re.M)
-        return next(folder for folder in pathlib.Path(runtime).resolve().parents if (folder / "bin/nvcc").exists())
+        collect_licenses(self.licenses, sources, self.work / "build", self.zig, nanobind, self.target.is_windows)
 
     def make_archive(self, version, dist):
         """pointfair-VERSION-TARGET.tar.gz, or .zip for Windows, with a folder of that name."""
         name = f"pointfair-{version}-{self.name}"
-        parts = {"bin": self.prefix / "bin", "share/pointfair": self.prefix / "share/pointfair", "LICENSE": ROOT / "LICENSE",
-                 "licenses": self.licenses}
+        parts = {"bin": self.prefix / "bin", "share": self.prefix / "share", "LICENSE": ROOT / "LICENSE", "licenses": self.licenses}
         if self.target.is_windows:
             path = dist / f"{name}.zip"
             with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

@@ -15,9 +15,9 @@ SOURCES = {
     "onetbb": ("onetbb_2021.8.0.orig.tar.xz", "7e9111b8bb59c8800bf6d0b06afe7b0891937443d2dae1ee1101c8e2ede6a7ef"),
     "pugixml": ("pugixml_1.13.orig.tar.gz", "5c5ad5d7caeb791420408042a7d88c2c6180781bf218feca259fd9d840a888e1"),
 }
-# headers of this machine
-HEADERS = {"Boost": "boost/version.hpp", "CLI11": "CLI/CLI.hpp", "fast_float": "fast_float/fast_float.h", "fmt": "fmt/core.h",
-           "nanoflann": "nanoflann.hpp", "JSON_for_Modern_C++": "nlohmann/json.hpp"}
+# Headers of this machine, by the names of cmake/dependencies.cmake; `make wheels` has the libraries among them from SOURCES.
+HEADERS = {"Boost": "boost/version.hpp", "CLI11": "CLI/CLI.hpp", "FastFloat": "fast_float/fast_float.h", "fmt": "fmt/core.h",
+           "nanoflann": "nanoflann.hpp", "nlohmann_json": "nlohmann/json.hpp", "pugixml": "pugixml.hpp", "TBB": "tbb/tbb.h"}
 
 
 def source_entries():
@@ -106,7 +106,7 @@ def licenses_of_module(source, page, zig):
         "three.js": (page / "node_modules/three/LICENSE").read_text(),
         "wasi-libc": (zig.parent / "lib/libc/wasi/LICENSE").read_text() + (zig.parent / "lib/libc/wasi/LICENSE-MIT").read_text(),
         **licenses_of_zig(zig),
-        **{name: license_of_header(HEADERS[name]) for name in ("fast_float", "fmt", "JSON_for_Modern_C++")},
+        **{name: license_of_header(HEADERS[name]) for name in ("FastFloat", "fmt", "nlohmann_json")},
     }
 
 
@@ -120,21 +120,38 @@ def licenses_of_cuda(toolkit):
     return {"CUDA": texts[0].read_text(), "libstdc++": license_of_file(str(pathlib.Path(library).resolve()))}
 
 
-def collect_licenses(into, sources, page, zig, nanobind, for_windows, cuda_toolkit):
-    """Writes the licence of everything that is linked in or served into a folder, one file each. `page`: the folder that
-    the viewer's page is built in; `cuda_toolkit`: the folder of the CUDA toolkit, or None. Stops where one is missing: a file without it must not be given away."""
+def cuda_toolkit(build):
+    """The folder of the toolkit whose runtime CMake found for a build with CUDA, or None."""
+    cache = (build / "CMakeCache.txt").read_text()
+    if not re.search(r"^POINTFAIR_CUDA:BOOL=(ON|1|TRUE)$", cache, re.M):
+        return None
+    runtime, = re.findall(r"^CUDA_cudart_static_LIBRARY:FILEPATH=(.*)$", cache, re.M)
+    return next(folder for folder in pathlib.Path(runtime).resolve().parents if (folder / "bin/nvcc").exists())
+
+
+def licenses_of_build(build):
+    """Of what a build is linked with or serves, by the names of its parts. nanobind's goes into a wheel by python/CMakeLists.txt."""
+    three = build / "viewer/web/node_modules/three/LICENSE"  # the page of a source archive names its parts by itself
+    toolkit = cuda_toolkit(build)
+    return {**{name: license_of_header(header) for name, header in HEADERS.items()},
+            **({"three.js": three.read_text()} if three.exists() else {}),
+            **(licenses_of_cuda(toolkit) if toolkit else {})}
+
+
+def collect_licenses(into, sources, build, zig, nanobind, for_windows):
+    """Writes the licence of everything that is linked in or served into a folder, one file each. `build`: the folder of the
+    build with the viewer's page. Stops where one is missing: a file without it must not be given away."""
     robin_map = (nanobind / "ext/robin_map/include/tsl/robin_map.h").read_text()
-    nanobind_license, = nanobind.parent.glob("nanobind-*.dist-info/licenses/LICENSE")
-    found = {
-        "oneTBB": (sources["onetbb"] / "LICENSE.txt").read_text(),
+    write_licenses(into, {
+        **licenses_of_build(build),
+        "TBB": (sources["onetbb"] / "LICENSE.txt").read_text(),
         "pugixml": (sources["pugixml"] / "LICENSE.md").read_text(),
-        "nanobind": nanobind_license.read_text(),
         "robin_map": robin_map[:robin_map.index("*/") + 3],
-        "three.js": (page / "node_modules/three/LICENSE").read_text(),
         **licenses_of_zig(zig, for_windows),
-        **{name: license_of_header(header) for name, header in HEADERS.items()},
-        **(licenses_of_cuda(cuda_toolkit) if cuda_toolkit else {}),
-    }
+    })
+
+
+def write_licenses(into, found):
     shutil.rmtree(into, ignore_errors=True)
     into.mkdir(parents=True)
     for name, text in found.items():

@@ -36,6 +36,7 @@ NOT_THERE = {"wine": {
     "test_tiled.Cost.test_each_step_reads_and_writes_what_the_design_says": "what wine reads for itself counts, too",
     "test_tiled.Cost.test_halos_of_leaves_cost_little_beyond_the_halo": "what wine reads for itself counts, too",
     "test_view.View.test_saving_stays_in_its_folder": "whole paths begin with the letter of a drive",
+    "test_shell": "Windows has neither bash nor manual pages",
     "test_pages.Pages.test_names_are_text": "Windows has no names of files with <",
 }, "qemu": {
     "test_interrupt.Interrupt.test_in_the_middle_of_a_run": BLOCKED,

@@ -2,12 +2,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """Configures the project as machines do that lack what it is built with (cmake/dependencies.cmake): one message names all that
 is missing; nothing is fetched where all is found, or where it is not asked for; and what is asked for is taken from the
-folder that is named for it. Debian's packages of the same names are in every recipe that installs them."""
+folder that is named for it. Debian's packages of the same names are in every recipe that installs them, and licences in what is given away."""
 import argparse
 import os
 import pathlib
 import re
 import subprocess
+import sys
 import tempfile
 
 parser = argparse.ArgumentParser()
@@ -42,6 +43,10 @@ for file in ("scripts/install_packages.sh", "packaging/debian/control", "packagi
     for name, debian, *_ in NEEDS:
         if name not in FOR_TESTS or file.startswith("scripts"):
             check(f"{file} installs {debian}", debian in named, file)
+
+sys.path.insert(0, str(pathlib.Path(args.source, "scripts/wheels")))
+import parts
+check("wheels and archives have the licence of each", set(parts.HEADERS) == {need[0] for need in NEEDS} - FOR_TESTS, parts.HEADERS)
 
 with tempfile.TemporaryDirectory() as folder:
     work = pathlib.Path(folder)

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """The program that comes with the package, and the same bits from it, from the build's own and from Python."""
+import importlib.metadata
 import os
 import pathlib
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -33,6 +35,19 @@ def test_python_m_pointfair_is_the_program(tmp_path):
     for words in (["--version"], ["run", tmp_path / "missing.ply", tmp_path / "out.ply"], ["cluster", "--help"]):
         through, expected = run(sys.executable, "-m", "pointfair", *words), run(PROGRAM, *words)
         assert (through.returncode, through.stdout, through.stderr) == (expected.returncode, expected.stdout, expected.stderr)
+
+
+@pytest.mark.skipif(not shutil.which("dpkg"), reason="the licences are those of Debian's packages")
+def test_the_wheel_has_the_licences_of_what_it_holds():
+    files = importlib.metadata.files("pointfair")
+    licenses = {file.stem: file.read_text() for file in files if "licenses" in file.parts}
+    needs = (pathlib.Path(__file__).parents[2] / "cmake/dependencies.cmake").read_text().split("if(POINTFAIR_TESTS)")[0]
+    page = {"three.js"} if any("share" in file.parts for file in files) else set()
+    assert {"LICENSE", "nanobind", *page, *re.findall(r"^ *pointfair_need\((\w+)", needs, re.M)} <= licenses.keys()
+    assert all(len(text) > 500 for text in licenses.values())
+    # what auditwheel puts beside the module: libtbb-1b2c3d.so.12
+    bundled = {re.match("lib([a-z]+)", file.name)[1] for file in files if file.parts[0] == "pointfair.libs"}
+    assert bundled <= {name.lower() for name in licenses}
 
 
 @pytest.mark.parametrize("program", PROGRAMS)
