@@ -220,6 +220,15 @@ void add_report(CLI::App& command, std::string& report) {
 
 std::vector<std::string> format_names() { return names(kFormats); }
 
+std::vector<std::string> with_dashes(std::vector<std::string> words) {
+  for (std::string& word : words) {
+    const std::size_t value = word.starts_with("--") ? word.find('=') + 1 : 0;  // 0 where there is no "="
+    for (const char* name : {"/dev/stdout", "/dev/fd/1", "/proc/self/fd/1"})
+      if (word.compare(value, std::string::npos, name) == 0) word.replace(value, std::string::npos, "-");
+  }
+  return words;
+}
+
 std::vector<std::string> complete_switches(std::vector<std::string> words) {
   for (std::size_t i = 0; i < words.size(); ++i) {
     const bool bare = std::any_of(kParams.begin(), kParams.end(), [&](const ParamInfo& info) {

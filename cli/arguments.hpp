@@ -88,6 +88,10 @@ void add_report(CLI::App& command, std::string& report);
 /// The names of the formats, as --format takes them.
 std::vector<std::string> format_names();
 
+/// With "-" where /dev/stdout or another of its names stands: opened by such a name, a file that a shell redirects to
+/// would be replaced.
+std::vector<std::string> with_dashes(std::vector<std::string> words);
+
 /// Adds "=on" to a switch that stands alone, "--constraint", so that it need not be followed by a value.
 std::vector<std::string> complete_switches(std::vector<std::string> words);
 

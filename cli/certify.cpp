@@ -36,7 +36,8 @@ std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
 void certify(CertifyArguments arguments, std::stop_token stop) {
   namespace fs = std::filesystem;
   for (const std::string& file : {arguments.input, arguments.output})
-    if (file == "-") throw Error(ErrorKind::usage, "certify needs two files; standard input has no name to certify");
+    if (is_stream(file))
+      throw Error(ErrorKind::usage, file + ": certify reads its files several times; write this one to disk first");
   if (arguments.report.empty()) arguments.report = fs::path(arguments.output).replace_extension(".html").string();
   if (!is_page(arguments.report))
     throw Error(ErrorKind::usage, arguments.report + ": certify writes a page; name a file that ends in .html");
@@ -58,7 +59,7 @@ void certify(CertifyArguments arguments, std::stop_token stop) {
     job.threads = arguments.device.threads;
     write_text(arguments.report, result_page(job, before, pipeline, stop));
   }
-  if (!arguments.quiet) fmt::print(stderr, "the page is {}\n", arguments.report);
+  if (!arguments.quiet) print_message("the page is {}\n", arguments.report);
 }
 
 }  // namespace

@@ -86,6 +86,8 @@ bool are_alike(const std::filesystem::path& a, const std::filesystem::path& b) {
 }
 
 void compare(const CompareArguments& arguments) {
+  if (arguments.cloud == "-" && arguments.reference == "-")
+    throw Error(ErrorKind::usage, "standard input holds one cloud; name a file for the other");
   check_report(arguments.report, {arguments.cloud, arguments.reference});
   const auto limit = limit_threads(arguments.threads);
   const ReadOptions options = make_read_options(arguments.in, arguments.threads);

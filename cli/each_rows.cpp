@@ -88,8 +88,10 @@ std::map<std::string, Json> runs_in(const std::string& text) {
 
 void set_findings(Row& row, const std::optional<Findings>& findings) {
   row.findings = findings;
-  row.numbers = findings ? fmt::format("{},{},{},{},{},{},{}", findings->report.points, findings->spacing,
-                                       findings->noise, findings->displacement.mean, findings->displacement.max,
+  const bool is_measured = findings && !findings->is_copied;
+  const std::string measured = is_measured ? fmt::format("{},{}", findings->spacing, findings->noise) : ",";
+  row.numbers = findings ? fmt::format("{},{},{},{},{},{}", findings->report.points, measured,
+                                       findings->displacement.mean, findings->displacement.max,
                                        findings->report.unmoved.outliers, findings->report.total_milliseconds)
                          : "";
   row.run = findings ? run_json(findings->report, *findings) : Json();

@@ -85,7 +85,8 @@ Json info_json(const Cloud& cloud, const Estimates& estimates, const Params& typ
           {"noise", estimates.noise},
           {"noise_quantiles", estimates.noise_quantiles},
           {"without_surface", estimates.without_surface},
-          {"typical_parameters", params_json(typical)}};
+          {"typical_parameters", params_json(typical)},
+          {"notes", notes_on_cloud(estimates, stored_float_step(cloud, estimates))}};
 }
 
 // All automatic where nothing can be measured.

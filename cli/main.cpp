@@ -87,7 +87,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
   const auto is_named = [&](const Verb& verb) { return verb.command->get_name() == words[0]; };
   if (!words[0].starts_with('-') && std::none_of(verbs.begin(), verbs.end(), is_named))
     throw Error(ErrorKind::usage, unknown_verb(words[0], app));
-  words = complete_switches(std::move(words));
+  words = complete_switches(with_dashes(std::move(words)));
   std::reverse(words.begin(), words.end());  // as CLI11 wants them
   try {
     app.parse(std::move(words));

@@ -74,11 +74,11 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
   if (outliers > 0) add_outliers(cloud.points, outliers, arguments.seed);
   write(arguments.output, cloud, write_options);
   if (arguments.quiet) return;
-  fmt::print(stderr, "{} points, sigma {:.6g}\n", cloud.points.size(), width);
+  print_message("{} points, sigma {:.6g}\n", cloud.points.size(), width);
   if (width == 0 && outliers == 0 && !arguments.points)
-    fmt::print(stderr, "note: no noise was added; --sigma gives its width, as 0.3% of the diagonal\n");
+    print_message("note: no noise was added; --sigma gives its width, as 0.3% of the diagonal\n");
   for (const std::string& note : losses(cloud, write_options.format, write_options.encoding))
-    fmt::print(stderr, "note: {}\n", note);
+    print_message("note: {}\n", note);
 }
 
 }  // namespace

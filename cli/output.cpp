@@ -53,13 +53,19 @@ void print_error(std::string_view message) {
   std::string line = fmt::format("pointfair: {}", message);
   std::replace(line.begin(), line.end(), '\n', ' ');
   if (system::errors_go_to_terminal()) line.insert(0, "\r\x1b[K");  // over a progress bar
-  fmt::print(stderr, "{}\n", line);
+  print_message("{}\n", line);
 }
 
 void print_output(std::string_view text) {
   errno = 0;
   if (std::fwrite(text.data(), 1, text.size(), stdout) != text.size() || std::fflush(stdout) != 0)
     fail("standard output", fmt::format("cannot write: {}", std::strerror(errno)));
+}
+
+bool is_stream(const fs::path& path) {
+  std::error_code ignored;
+  const fs::file_status status = fs::status(path, ignored);
+  return path == "-" || fs::is_fifo(status) || fs::is_character_file(status) || fs::is_socket(status);
 }
 
 void check_writable(const fs::path& path, bool overwrite) {
@@ -70,7 +76,7 @@ void check_writable(const fs::path& path, bool overwrite) {
     fail(path, fmt::format("cannot write: {}", error.message()));
   if (fs::is_directory(status)) fail(path, "is a folder; name a file in it");
   if (fs::exists(status)) {
-    if (!overwrite) fail(path, "exists already; add --force to replace it");
+    if (!overwrite && !is_stream(path)) fail(path, "exists already; add --force to replace it");
     if (const std::string why = system::why_not_writable(path); !why.empty())
       fail(path, fmt::format("cannot replace it: {}", why));
     if (!fs::is_regular_file(status)) return;  // a pipe or a device is written in place
@@ -101,13 +107,16 @@ void check_not_same(const fs::path& input, const fs::path& output, std::string_v
 
 void write_text(const fs::path& path, std::string_view text) {
   if (path == "-") return print_output(text);
+  if (is_stream(path)) return write_stream(path, text, path);
   std::error_code error;
-  if (fs::exists(path, error) && !fs::is_regular_file(path, error)) return write_stream(path, text, path);
+  const fs::file_status status = fs::status(path, error);
+  const fs::path target = fs::exists(status) ? fs::canonical(path, error) : path;
   // a short name of its own: the path's may be as long as names can be
-  const fs::path temporary = path.parent_path() / fmt::format(".pointfair-report-{}.tmp", system::process_id());
+  const fs::path temporary = target.parent_path() / fmt::format(".pointfair-report-{}.tmp", system::process_id());
   try {
     write_stream(temporary, text, path);
-    fs::rename(temporary, path);
+    if (fs::exists(status)) fs::permissions(temporary, status.permissions(), error);
+    fs::rename(temporary, target);
   } catch (const fs::filesystem_error& failure) {
     fs::remove(temporary, error);
     fail(path, fmt::format("cannot write: {}", failure.code().message()));

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+#include "output.hpp"
 #include "platform/system.hpp"
 
 namespace pointfair::cli {
@@ -29,7 +30,7 @@ Progress::Progress(std::string_view mode) {
 }
 
 Progress::~Progress() {
-  if (mode_ == Mode::bar && !stage_.empty()) fmt::print(stderr, "\r\x1b[K");
+  if (mode_ == Mode::bar && !stage_.empty()) print_message("\r\x1b[K");
 }
 
 void Progress::set_part(std::string prefix, double begin, double size) {
@@ -52,13 +53,13 @@ void Progress::show(double share, std::string_view its_stage) {
 void Progress::print(double share) const {
   switch (mode_) {
     case Mode::bar:
-      fmt::print(stderr, "\r{:<12} [{}] {:3.0f} %\x1b[K", stage_, bar(share), 100 * share);
+      print_message("\r{:<12} [{}] {:3.0f} %\x1b[K", stage_, bar(share), 100 * share);
       break;
     case Mode::plain:
-      fmt::print(stderr, "{}\n", stage_);
+      print_message("{}\n", stage_);
       break;
     case Mode::json:
-      fmt::print(stderr, "{}\n", nlohmann::ordered_json{{"stage", stage_}, {"share", share}}.dump());
+      print_message("{}\n", nlohmann::ordered_json{{"stage", stage_}, {"share", share}}.dump());
       break;
     case Mode::none:
       break;

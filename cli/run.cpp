@@ -35,7 +35,7 @@ void check_paths(const RunArguments& arguments) {
   }
   make_read_options(arguments.in, 0);
   check_writable(arguments.output, arguments.force);
-  if (is_page(arguments.report) && (arguments.input == "-" || arguments.output == "-"))
+  if (is_page(arguments.report) && (is_stream(arguments.input) || is_stream(arguments.output)))
     throw Error(ErrorKind::usage, "a page tells of two files; name both, or give --report a .json file");
   check_kind_of_report(arguments.report);
   check_page(arguments.report, {arguments.input, arguments.output});

@@ -89,15 +89,15 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
 void print_row(const Row& row, std::size_t number, std::size_t all) {
   const std::string place = fmt::format("[{}/{}] {}", number, all, row.input.string());
   if (row.findings && row.findings->is_copied)
-    fmt::print(stderr, "{}: {} points, written as they were\n", place, row.findings->report.points);
+    print_message("{}: {} points, written as they were\n", place, row.findings->report.points);
   else if (row.findings)
-    fmt::print(stderr, "{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
-               row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
-               row.findings->displacement.max, row.findings->report.unmoved.outliers);
+    print_message("{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
+                  row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
+                  row.findings->displacement.max, row.findings->report.unmoved.outliers);
   else
-    fmt::print(stderr, "{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
+    print_message("{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
   if (!row.findings) return;
-  for (const std::string& note : row.findings->notes) fmt::print(stderr, "note: {}\n", note);
+  for (const std::string& note : row.findings->notes) print_message("note: {}\n", note);
 }
 
 // Throws if some failed.
@@ -107,8 +107,8 @@ void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
   };
   const auto failures = count("failed");
   if (!arguments.quiet)
-    fmt::print(stderr, "{} of {} files written, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
-               failures);
+    print_message("{} of {} files written, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
+                  failures);
   std::optional<ErrorKind> kind;
   for (const Row& row : rows) {
     if (row.status != "failed") continue;
@@ -131,7 +131,7 @@ void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_
   if (failed)
     throw Error(ErrorKind::file, arguments.tiled.out_dir + ": this folder cannot be made: " + failed.message());
   if (!arguments.quiet && rows.size() > 1)
-    fmt::print(stderr, "{} files, each on its own; without --each they would be one cloud\n", rows.size());
+    print_message("{} files, each on its own; without --each they would be one cloud\n", rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {
     if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
     {

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <optional>
 
+#include "output.hpp"
 #include "point_noise.hpp"
 
 namespace pointfair::cli {
@@ -44,6 +45,13 @@ Json solver_json(const SolverReport& solver) {
   return {{"iterations", solver.iterations}, {"residual", solver.residual}};
 }
 
+std::vector<std::string> notes_told(const Report& report, const Findings& findings) {
+  std::vector<std::string> notes = findings.notes;
+  const std::string none = findings.is_copied ? "" : nothing_selected(point_counts(report, findings));
+  if (!none.empty()) notes.insert(notes.begin(), none);
+  return notes;
+}
+
 // "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; folded faces: 12 before, 4 after"
 std::string mesh_told(const MeshReport& mesh) {
   if (mesh.faces == 0) return {};
@@ -77,12 +85,10 @@ std::string param_told(const Params& asked, const Params& used, const ParamInfo&
 }
 
 void print_details(const Report& report, const Params& asked) {
-  fmt::print(stderr, "device    {}, {} ({})\n", device_name(report.device.kind), report.device.name,
-             report.device.reason);
+  print_message("device    {}, {} ({})\n", device_name(report.device.kind), report.device.name, report.device.reason);
   for (const ParamInfo& info : kParams)
-    fmt::print(stderr, "  {:<18} {}\n", info.name, param_told(asked, report.params, info));
-  for (const StageTime& stage : report.stages)
-    fmt::print(stderr, "  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
+    print_message("  {:<18} {}\n", info.name, param_told(asked, report.params, info));
+  for (const StageTime& stage : report.stages) print_message("  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
 }
 
 // Between the coordinates of the file written, where these are integers.
@@ -185,35 +191,31 @@ Json run_json(const Report& report, const Findings& findings) {
           {"stages", stages_json(report.stages)},
           {"tiles", report.tiles},
           {"total_ms", report.total_milliseconds},
-          {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}}};
+          {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}},
+          {"notes", notes_told(report, findings)}};
 }
 
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
   if (findings.is_copied) {
-    fmt::print(stderr, "{} points written as they were: --strength 0 moves none, so nothing was computed\n",
-               report.points);
-    for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
+    print_message("{} points written as they were: --strength 0 moves none, so nothing was computed\n", report.points);
+    for (const std::string& note : findings.notes) print_message("note: {}\n", note);
     return;
   }
   if (with_details) print_details(report, findings.asked);
   const PointCounts counts = point_counts(report, findings);
-  fmt::print(stderr, "{}",
-             points_told(counts, fmt::format("on {} in {:.1f} ms", device_name(report.device.kind),
-                                             report.total_milliseconds)));
+  print_message("{}", points_told(counts, fmt::format("on {} in {:.1f} ms", device_name(report.device.kind),
+                                                      report.total_milliseconds)));
   if (report.tiles > 1)
-    fmt::print(stderr, "computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
-  fmt::print(stderr, "{}{}",
-             noise_and_moves(is_noise_given(findings) ? report.params.noise.value : findings.noise,
-                             noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
-                             findings.displacement.max),
-             rounding_text(findings.step));
-  fmt::print(stderr, "{}", mesh_told(report.mesh));
+    print_message("computed in {} tiles, since the cloud does not fit into the device's memory\n", report.tiles);
+  print_message("{}{}",
+                noise_and_moves(is_noise_given(findings) ? report.params.noise.value : findings.noise,
+                                noise_source(findings.asked, findings.noise_attribute), findings.displacement.mean,
+                                findings.displacement.max),
+                rounding_text(findings.step));
+  print_message("{}", mesh_told(report.mesh));
   if (const SolverReport& solver = report.solver; solver.iterations > 0)
-    fmt::print(stderr, "equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations,
-               solver.residual);
-  const std::string none = nothing_selected(counts);
-  if (!none.empty()) fmt::print(stderr, "note: {}\n", none);
-  for (const std::string& note : findings.notes) fmt::print(stderr, "note: {}\n", note);
+    print_message("equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations, solver.residual);
+  for (const std::string& note : notes_told(report, findings)) print_message("note: {}\n", note);
 }
 
 }  // namespace pointfair::cli

@@ -10,6 +10,7 @@
 
 #include "interrupts.hpp"
 #include "outlier_action.hpp"
+#include "output.hpp"
 #include "platform/system.hpp"
 #include "pointfair/pointfair.hpp"
 #include "progress.hpp"
@@ -99,6 +100,17 @@ PointCounts point_counts(const TiledReport& report) {
           report.held};
 }
 
+std::vector<std::string> notes_of(const TiledReport& report) {
+  const double noise = given_noise(report).value_or(report.noise.value_or(0));
+  std::vector<std::string> notes = {nothing_selected(point_counts(report)), coarse_steps(report.step, noise)};
+  const std::vector<std::string> doubtful = notes_on_run(report);
+  notes.insert(notes.end(), doubtful.begin(), doubtful.end());
+  if (report.outlier_action.kind != OutlierAction::Kind::none)
+    notes.push_back(outcome_text(report.outlier_action, report.outcome));
+  std::erase(notes, "");
+  return notes;
+}
+
 // `costs`: null where other processes did tasks.
 Json report_json(const TiledReport& report, const DeviceInfo& device, const Costs* costs) {
   const Displacement& moved = report.displacement;
@@ -120,26 +132,19 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"stages", costs ? stages_json(costs->steps) : Json()},
           {"tiles", report.tiles},
           {"total_ms", costs ? Json(costs->milliseconds) : Json()},
-          {"peak_bytes", {{"host", costs ? Json(costs->peak_bytes) : Json()}, {"device", Json()}}}};
+          {"peak_bytes", {{"host", costs ? Json(costs->peak_bytes) : Json()}, {"device", Json()}}},
+          {"notes", notes_of(report)}};
 }
 
 void print_summary(const TiledReport& report) {
   const PointCounts counts = point_counts(report);
-  fmt::print(stderr, "{}",
-             points_told(counts, fmt::format("in {} {}", report.tiles, report.tiles == 1 ? "tile" : "tiles")));
+  print_message("{}", points_told(counts, fmt::format("in {} {}", report.tiles, report.tiles == 1 ? "tile" : "tiles")));
   const std::optional<double> given = given_noise(report);
   const std::string source = noise_source(report.asked, report.noise_attribute);
-  fmt::print(stderr, "{}{}",
-             noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
-             rounding_text(report.step));
-  std::vector<std::string> notes = {nothing_selected(counts),
-                                    coarse_steps(report.step, given.value_or(report.noise.value_or(0)))};
-  const std::vector<std::string> doubtful = notes_on_run(report);
-  notes.insert(notes.end(), doubtful.begin(), doubtful.end());
-  if (report.outlier_action.kind != OutlierAction::Kind::none)
-    notes.push_back(outcome_text(report.outlier_action, report.outcome));
-  for (const std::string& note : notes)
-    if (!note.empty()) fmt::print(stderr, "note: {}\n", note);
+  print_message(
+      "{}{}", noise_and_moves(given ? given : report.noise, source, report.displacement.mean, report.displacement.max),
+      rounding_text(report.step));
+  for (const std::string& note : notes_of(report)) print_message("note: {}\n", note);
 }
 
 void tell(const TiledReport& report, const Device& device, const TiledOutput& output, const Costs* costs) {
@@ -183,7 +188,7 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
     Progress progress(output.quiet ? "none" : output.progress);
     progress.show(0, "planning");
     TiledRun::plan(job, folder, device.threads);
-    if (!output.quiet && !output.note.empty()) fmt::print(stderr, "note: {}\n", output.note);
+    if (!output.quiet && !output.note.empty()) print_message("note: {}\n", output.note);
     TiledRun run(folder, device);
     run.run_all(stop, [&](double share, std::string_view step) {
       clock.enter(step);

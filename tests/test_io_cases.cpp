@@ -2,8 +2,6 @@
 // Files as people and other programs write them.
 #include <cmath>
 
-#include <cmath>
-
 #include "io/source.hpp"
 #include "io_variants.h"
 #include "las_files.h"
@@ -134,7 +132,7 @@ TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
       {"a.csv", "x,y,z\n1,2,3\nx,y,z\n4,5,6\n", "line 3: 'x' is not a number"},
       // first rows that would pass for titles
       {"a.csv", "x,y,z\n\"1,234.5\",\"2\",\"3\"\n4,5,6\n",
-       "line 2: '1,234.5' is not a number; repair or remove the line"},
+       "line 2: '1,234.5' is not a number; export numbers with a decimal point, and thousands without separators"},
       {"a.csv", "x,y,z\n1,2,3 # first\n4,5,6\n", "line 2: '3 # first' is not a number"},
       {"a.csv", "x,y,z\n***,***,***\n4,5,6\n", "line 2: '***' is not a number"},
       {"a.csv", "x,y,z\n-,-,-\n4,5,6\n", "line 2: '-' is not a number"},

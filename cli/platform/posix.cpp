@@ -48,7 +48,12 @@ std::string why_not(const fs::path& path, int rights) {
 
 }  // namespace
 
-void prepare_streams() {}
+// A standard stream that is closed gets a descriptor that cannot be used: else the next file that is opened would take
+// its number, and what is printed would go into that file.
+void prepare_streams() {
+  for (const int stream : {STDIN_FILENO, STDOUT_FILENO, STDERR_FILENO})
+    if (::fcntl(stream, F_GETFD) < 0) (void)::open("/dev/null", stream == STDIN_FILENO ? O_WRONLY : O_RDONLY);
+}
 bool errors_go_to_terminal() { return ::isatty(STDERR_FILENO) != 0; }
 int process_id() { return ::getpid(); }
 #ifdef __APPLE__

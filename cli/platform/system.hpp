@@ -10,7 +10,7 @@
 
 namespace pointfair::cli::system {
 
-/// Bytes of standard output go out as they are, and text on terminals is UTF-8.
+/// Bytes of standard output go out as they are, text on terminals is UTF-8, and a stream that is closed stays so.
 void prepare_streams();
 
 /// Whether standard error is shown to somebody.

@@ -29,10 +29,16 @@ def _refuse_devices(points: Any) -> None:
 
 _MADE_OF = {"mask": "bool", "faces": "int"}  # what arguments are; all else is of floats
 
+# where laspy, Open3D, trimesh and others keep positions
+_PARTS = {"xyz": "xyz", "points": "points", "vertices": "vertices", "point": "point.positions"}
+
 
 def _no_array(value: Any, name: str) -> UsageError:
     if isinstance(value, (str, bytes, os.PathLike)) and name in ("points", "xyz"):
         return UsageError(f"{name} is {kind_of(value)}: give an array; of a file, pointfair.read(path) is a Cloud")
+    for attribute, part in _PARTS.items() if name in ("points", "xyz") else ():
+        if hasattr(value, attribute):
+            return UsageError(f"{name} is {kind_of(value)}: give its positions, {name}.{part}")
     return UsageError(f"{name} is {kind_of(value)}: give an array, numpy.asarray({name}, {_MADE_OF.get(name, 'float')}) for instance")
 
 
@@ -44,6 +50,9 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
         raise _no_array(points, name)
     _refuse_devices(points)
     try:
+        if isinstance(points, np.ma.MaskedArray) and np.ma.is_masked(points):
+            filled = "numpy.nan) has NaN there, and such points keep their place" if name in ("points", "xyz") else "value) has a value there"
+            raise UsageError(f"{name} has masked elements, which would count as the numbers under the mask: {name}.filled({filled}")
         if hasattr(points, "__array__") or hasattr(points, "__array_interface__"):
             return np.asarray(points)
         if hasattr(points, "__dlpack__"):
@@ -62,7 +71,8 @@ def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:
 
 
 def _no_floats(dtype: Any, name: str) -> UsageError:
-    return UsageError(f"{name} has the type {dtype}: give float32 or float64, {name}.astype('float32') of an array or {name}.float() of a tensor")
+    kind, method = ("float32", "float") if str(dtype) in ("float16", "bfloat16") else ("float64", "double")  # keeps all digits
+    return UsageError(f"{name} has the type {dtype}: give float32 or float64, {name}.astype('{kind}') of an array or {name}.{method}() of a tensor")
 
 
 def check_floats(array: np.ndarray[Any, Any], name: str) -> None:

@@ -169,6 +169,9 @@ class Cloud:
     def __deepcopy__(self, memo: Any) -> Cloud:
         return self.copy()
 
+    def __reduce__(self) -> Any:
+        raise TypeError("a Cloud holds its file and cannot be pickled: pass the path and read it there, or pass cloud.xyz")
+
     def __len__(self) -> int:
         return len(self._native)
 

@@ -298,6 +298,9 @@ class Pipeline(Generic[Points]):
         """Number of points of the loaded cloud; 0 where none is loaded."""
         return int(self._native.points)
 
+    def __reduce__(self) -> Any:
+        raise TypeError("a Pipeline holds memory of this process and can be neither copied nor pickled: make one in each process")
+
     def __repr__(self) -> str:
         held = "no cloud" if self._native.holds == "nothing" else f"{len(self)} points"
         return f"<pointfair.Pipeline on {self.device.kind}, {held}>"

@@ -79,9 +79,10 @@ struct TiledRun::State : Tasks {
 TiledChoice TiledRun::choose(const TiledJob& job, const fs::path& work, Device device) {
   if (!work.empty() || !job.output_folder.empty() || job.least_tiles > 1) return {.in_tiles = true};
   const bool is_memory_given = job.memory != 0;
-  if (job.inputs.size() != 1 || job.inputs.front() == "-") {
+  if (job.inputs.size() != 1 || io::is_stream(job.inputs.front())) {
     if (!is_memory_given) return {};
-    throw Error(ErrorKind::usage, "standard input is read into memory as a whole; leave out --memory, or name a file");
+    throw Error(ErrorKind::usage,
+                "what comes through a pipe is read into memory as a whole; leave out --memory, or name a file");
   }
   return with_one_kind_of_error([&]() -> TiledChoice {
     const HostMemory memory{job.memory, platform::free_memory()};

@@ -55,8 +55,9 @@ std::string plain(std::string_view name) {
     const auto byte = static_cast<unsigned char>(c);
     if ((byte >= 'a' && byte <= 'z') || (byte >= '0' && byte <= '9') || byte >= 128) result += c;
   }
-  const std::size_t umlaut = result.find("\xC3\x96");  // lower_case() leaves it
-  if (umlaut != std::string::npos) result.replace(umlaut, 2, "ö");
+  // lower_case() leaves the first; the others are of Latin-1, which spreadsheets write
+  for (const std::string_view umlaut : {"\xC3\x96", "\xF6", "\xD6"})
+    if (const std::size_t at = result.find(umlaut); at != std::string::npos) result.replace(at, umlaut.size(), "ö");
   return result;
 }
 

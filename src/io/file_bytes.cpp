@@ -62,7 +62,7 @@ void check_plausible(std::uint64_t points, std::uint64_t others, std::size_t byt
 
 std::string shown_name(const std::filesystem::path& path, bool input) {
   if (path == "-") return input ? "standard input" : "standard output";
-  return platform::text_of(path);
+  return path.empty() ? "''" : platform::text_of(path);
 }
 
 FileBytes FileBytes::copy(std::span<const std::byte> bytes) {

@@ -7,6 +7,7 @@
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
 #include "io/streamed.hpp"
+#include "platform/files.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -34,16 +35,20 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
   const std::filesystem::path path(name);
   if (const auto format = format_of(path)) return *format;
   if (!path.has_extension() && io::looks_like_numbers(bytes)) return Format::xyz;
-  io::fail(name,
-           std::string("unknown format; say which it is (--in-format), or name the file ") + io::kKnownExtensions);
+  io::fail(name, std::string("unknown format; say which it is (--in-format), or name the file ") +
+                     io::kKnownExtensions +
+                     "; a format of another program is to be exported from there, as E57, LAS or PLY");
 }
 
 // Refuses --columns and --skip where there are no columns, and text in which every letter takes two bytes.
 void check_text(std::string_view bytes, const std::string& name, Format format, const ReadOptions& options) {
-  if (io::row_of(format).read != io::read_xyz && (!options.columns.empty() || options.skip_lines > 0))
+  const bool has_columns = io::row_of(format).read == io::read_xyz;
+  if (!has_columns && (!options.columns.empty() || options.skip_lines > 0))
     throw Error(ErrorKind::usage,
                 name + ": --columns and --skip are for text files with columns of numbers; leave them out");
-  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF"))
+  const auto is_zero = [&](std::size_t at) { return at < bytes.size() && bytes[at] == '\0'; };
+  const bool is_wide = is_zero(0) != is_zero(1) && is_zero(0) == is_zero(2) && is_zero(1) == is_zero(3);
+  if (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF") || (has_columns && is_wide))
     io::fail(name, "is text in UTF-16; convert it to UTF-8, as iconv -f UTF-16 -t UTF-8 does");
 }
 
@@ -77,6 +82,12 @@ Cloud read(std::span<const std::byte> bytes, const std::string& name, const Read
 }
 
 namespace io {
+
+bool is_stream(const std::filesystem::path& path) {
+  if (path == "-") return true;
+  const auto status = platform::status_of(path);
+  return status && status->kind == platform::FileStatus::Kind::other;
+}
 
 std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads) {
   const std::string name = shown_name(path, true);

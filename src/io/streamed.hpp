@@ -11,6 +11,9 @@
 
 namespace pointfair::io {
 
+/// Whether a path can be read once only: "-", a pipe, a device.
+bool is_stream(const std::filesystem::path& path);
+
 /// Opens a file to be read block by block (Source::place_block). The origin is yet to be set. Throws Error(file), also
 /// for a file that can only be decoded as a whole.
 std::shared_ptr<Source> open_source(const std::filesystem::path& path, unsigned threads);

@@ -188,8 +188,10 @@ class FrontReader {
   }
 
   [[noreturn]] void fail_row(std::string_view line, std::string_view word) const {
-    fail(name_, "line " + std::to_string(line_number(text_, line.data())) + ": " + quoted(word) +
-                    " is not a number; repair or remove the line");
+    fail(name_, "line " + std::to_string(line_number(text_, line.data())) + ": " + quoted(word) + " is not a number; " +
+                    (word.find(',') != std::string_view::npos
+                         ? "export numbers with a decimal point, and thousands without separators"
+                         : "repair or remove the line"));
   }
 
   void take_first_row(std::string_view line) {

@@ -58,8 +58,9 @@ fs::path whole_path(const fs::path& path) { return fs::absolute(path).lexically_
 void check_job(const TiledJob& job) {
   check_params(job.params);
   if (job.inputs.empty()) refuse("there is no input; name at least one file");
-  if (job.output == "-")
-    refuse("a cloud that is computed in tiles on disk is written to a file, not to standard output; name one");
+  if (io::is_stream(job.output))
+    refuse(io::shown_name(job.output, false) +
+           ": a cloud that is computed in tiles on disk is written to a file; name one");
   if (job.inputs.size() > 1 && job.output_folder.empty())
     refuse("several inputs need a folder for their results; give --out-dir");
   if (job.output_folder.empty() == job.output.empty()) refuse("give one output: a file, or a folder");
@@ -84,7 +85,10 @@ std::vector<InputFile> files_of(const TiledJob& job) {
   std::vector<InputFile> files;
   std::set<fs::path> outputs;
   for (const fs::path& input : job.inputs) {
-    if (input == "-") refuse("a cloud that is computed in tiles on disk is read twice, so it cannot be standard input");
+    if (io::is_stream(input))
+      refuse(io::shown_name(input, true) +
+             ": a cloud that is computed in tiles on disk is read twice, which this input cannot be; write it to a "
+             "file first");
     InputFile file;
     file.path = whole_path(input);
     file.output = whole_path(job.output_folder.empty() ? job.output : job.output_folder / TiledRun::output_name(input));
@@ -293,7 +297,7 @@ int iterations_of(const Params& params) {
 }
 
 bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) {
-  if (job.output == "-" || !why_not_in_parts(job.params).empty()) return false;
+  if (io::is_stream(job.output) || !why_not_in_parts(job.params).empty()) return false;
   std::error_code ignored;
   if (fs::equivalent(job.inputs.front(), job.output, ignored)) return false;
   return why_not_this_sensor(job, sensor_of(job, {source})).empty() &&

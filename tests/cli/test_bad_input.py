@@ -149,6 +149,16 @@ class Outputs(Case):
             self.assertTrue(said.startswith(f"pointfair: {folder}/r.json: cannot write: "), said)
             self.assertEqual(os.listdir(folder), [])
 
+    def test_a_report_follows_links_and_keeps_permissions(self):
+        cloud = write_ply(self.path("in.ply"), sphere_points(100, 0.01))
+        self.path("real.json").write_text("old")
+        self.path("real.json").chmod(0o600)
+        self.path("link.json").symlink_to("real.json")
+        self.ok("run", cloud, self.path("out.ply"), "-q", "--report", self.path("link.json"))
+        self.assertTrue(self.path("link.json").is_symlink())
+        self.assertEqual(json.loads(self.path("real.json").read_text())["points"], 100)
+        self.assertEqual(self.path("real.json").stat().st_mode & 0o777, 0o600)
+
     def test_a_link_to_nothing_is_no_output(self):
         link = self.path("link.ply")
         link.symlink_to(self.path("nowhere.ply"))
@@ -161,6 +171,56 @@ class Outputs(Case):
             resource.setrlimit(resource.RLIMIT_AS, (2**31, 2**31))
         self.fails(4, "bench", "--points", 10**9, says="memory", preexec_fn=little_memory)
         self.fails(4, "bench", "--points", 2**62, says="memory", preexec_fn=little_memory)
+
+
+class Streams(Case):
+    """Pipes and devices as inputs and outputs, and standard streams that are closed or full."""
+
+    def setUp(self):
+        super().setUp()
+        write_ply(self.path("in.ply"), sphere_points(300, 0.01))
+        self.ok("run", self.path("in.ply"), self.path("plain.ply"), "-q")
+        self.expected = self.path("plain.ply").read_bytes()
+
+    def shell(self, line):
+        return subprocess.run(["bash", "-c", line], cwd=self.folder, env={**os.environ, "P": BIN}, capture_output=True, timeout=60)
+
+    def test_pipes_and_devices_as_outputs_replace_nothing(self):
+        for line in ('"$P" run -q in.ply /dev/stdout', '"$P" run -q in.ply /dev/fd/1', '"$P" run -q in.ply /dev/fd/3 3>&1 | cat',
+                     '"$P" run -q in.ply >(cat) | cat', 'mkfifo f.ply; "$P" run -q in.ply f.ply & cat f.ply; wait'):
+            with self.subTest(line):
+                result = self.shell(line)
+                self.assertEqual((result.stdout == self.expected, result.stderr), (True, b""))
+        self.assertEqual(self.shell('"$P" run in.ply /dev/null').returncode, 0)
+
+    def test_what_a_shell_redirects_to_is_written_behind_what_is_there(self):
+        self.shell('{ echo before; "$P" run -q in.ply /dev/stdout; echo after; } > all')
+        self.assertEqual(self.path("all").read_bytes(), b"before\n" + self.expected + b"after\n")
+        self.shell('{ echo before; "$P" run -q in.ply out.ply --report=/dev/stdout; } > report')
+        self.assertIn(b"before\n{", self.path("report").read_bytes())
+
+    def test_messages_that_nobody_takes_stop_no_run_and_go_into_no_file(self):
+        for streams in ("2>&-", "2>/dev/full", "<&- 2>&-", ">&- 2>&-", "<&- >&- 2>&-", "<&- >&-"):
+            for words in ("-v", "--progress plain", "--progress bar"):
+                with self.subTest(f"{words} {streams}"):
+                    self.assertEqual(self.shell(f'"$P" run in.ply out.ply --force {words} {streams}').returncode, 0)
+                    self.assertEqual(self.path("out.ply").read_bytes(), self.expected)
+        for streams in ("2>&-", "2>/dev/full"):
+            self.assertEqual(self.shell(f'"$P" run in.ply missing/out.ply {streams}').returncode, 3)
+        self.assertEqual(self.shell('"$P" run in.ply out.ply --force -q --report - <&- >&-').returncode, 3)
+        self.assertEqual(self.path("out.ply").read_bytes(), self.expected)
+
+    def test_what_is_read_more_than_once_cannot_be_a_pipe(self):
+        for line, says in (('run <(cat in.ply) out.ply --tiles 2', b"read twice"), ('run <(cat in.ply) --out-dir results', b"read twice"),
+                           ('run <(cat in.ply) out.ply --memory 100M', b"leave out --memory"),
+                           ('run <(cat in.ply) out.ply --report page.html', b"a page tells of two files"),
+                           ('certify <(cat in.ply) plain.ply --report page.html', b"several times"),
+                           ('compare - - < in.ply', b"name a file for the other")):
+            with self.subTest(line):
+                result = self.shell('"$P" ' + line)
+                self.assertEqual(result.returncode, 2)
+                self.assertIn(says, result.stderr)
+                self.assert_one_line(result.stderr.decode())
 
 
 if __name__ == "__main__":

@@ -119,6 +119,11 @@ class Each(Case):
                 self.assertEqual([row["status"] for row in files], ["skipped"] * 3)
                 self.assertEqual([row["run"]["points"] for row in files], [1500, 1600, 1700])
 
+    def test_what_was_not_measured_has_no_number(self):
+        self.each("--strength", 0, "--report", self.path("rows.csv"))
+        rows = list(csv.DictReader(self.path("rows.csv").read_text().splitlines()))
+        self.assertEqual({(row["spacing"], row["noise"]) for row in rows}, {("", "")})
+
     def test_progress_is_over_all(self):
         lines = [json.loads(line) for line in self.each("--progress", "json").splitlines() if line.startswith("{")]
         shares = [line["share"] for line in lines]

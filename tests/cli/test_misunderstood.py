@@ -96,6 +96,25 @@ class Misunderstood(Case):
         self.path("plane.xyz").write_text("1 2\n3 4\n")
         self.fails(3, "info", self.path("plane.xyz"), says=["too few values", "points need x, y and z"])
 
+    def test_files_as_other_programs_write_them(self):
+        numbers = "x;y;h\n" + "".join(f"1.234.{i},5;2;3\n" for i in range(100, 300))
+        for name, data, says in (
+                ("a.csv", numbers.encode(), "line 2: '1.234.100,5' is not a number; export numbers with a decimal point"),
+                ("quoted.csv", b'x,y,z\n"1,5","2,5","3,5"\n', "export numbers with a decimal point"),
+                ("wide.xyz", "1 2 3\n4 5 6\n".encode("utf-16-le"), "is text in UTF-16"),
+                ("wide.csv", "x,y,z\n4,5,6\n".encode("utf-16-be"), "is text in UTF-16"),
+                ("scan.fls", b"\x02" * 300, "is to be exported from there, as E57, LAS or PLY")):
+            self.path(name).write_bytes(data)
+            self.fails(3, "info", self.path(name), says=says)
+        header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 100), }".ljust(117) + "\n"
+        self.path("axes.npy").write_bytes(b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header.encode() + bytes(1200))
+        self.fails(3, "info", self.path("axes.npy"), says="save its transpose, with a point a row")
+        self.path("umlaut.csv").write_bytes("Rechtswert;Hochwert;H\xf6he\n1;2;3\n4;5;6\n".encode("latin-1"))
+        self.assertEqual(self.report("info", self.path("umlaut.csv"))["points"], 2)
+
+    def test_a_path_that_is_empty_is_shown(self):
+        self.fails(3, "info", "", says="'': cannot open")
+
     def test_standard_input_of_no_known_format(self):
         result = run("info", "-", input=b"one two\nthree four\n")
         self.assertEqual(result.returncode, 3)

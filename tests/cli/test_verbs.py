@@ -4,6 +4,7 @@ import json
 import math
 import re
 import unittest
+from pathlib import Path
 
 from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, read_ply, sphere_points, write_off,
                      write_ply)
@@ -121,6 +122,25 @@ class Run(Case):
         self.assertAlmostEqual(params["radius"], 0.5)
         for name in ("rho", "delta", "normal_sigma", "closeness_sigma", "similarity_sigma"):
             self.assertGreater(params[name], 0)
+
+    def test_each_key_is_documented_and_each_documented_key_is_there(self):
+        points = [(x / 20, y / 20, 0.01 * ((7 * x + 3 * y) % 5)) for x in range(20) for y in range(20)]
+        corners = [(20 * x + y, 20 * x + 20 + y, 20 * x + 21 + y) for x in range(19) for y in range(19)]
+        mesh, out = write_ply(self.path("in.ply"), points, corners), self.path("out.ply")
+        write_ply(self.path("same.ply"), points, corners)
+        run_words = ["run", mesh, out, "--force", "--connectivity", "mesh", "--method", "implicit", "--noise", "0.01"]
+        page = (Path(__file__).parents[2] / "docs" / "report.md").read_text()
+        for verb, words in (("run", run_words), ("run", ["run", mesh, out, "--force", "--tiles", 2]), ("info", ["info", mesh]),
+                            ("compare", ["compare", out, self.path("same.ply")])):
+            rows = page.split(f"| Key of `{verb}` |")[1].split("\n\n")[0].split("\n")[2:]
+            documented = {key: row for row in rows if row for key in re.findall("`([a-z_0-9]+)`", row.split("|")[1])}
+            report = self.report(*words)
+            self.assertEqual(set(report), set(documented), verb)
+            for key, value in report.items():
+                part = value[0] if isinstance(value, list) and value else value
+                if isinstance(part, dict) and key not in ("params", "typical_parameters"):
+                    for name in part:
+                        self.assertIn(f"`{name}`", documented[key])
 
     def test_it_says_why_points_were_kept(self):
         points = sphere_points(300, 0.01) + [(math.nan, 0, 0), (0, 1e30, 0)]

@@ -247,6 +247,31 @@ def test_a_vector_of_a_legacy_cloud_of_open3d_comes_back_as_one():
     assert type(result) is Vector3dVector and same_bits(result.array, EXPECTED[np.dtype(float)])
 
 
+@pytest.mark.parametrize("call", [pf.denoise, pf.estimate, lambda array: pf.Pipeline("cpu").load(array), pf.Cloud])
+def test_masked_elements_do_not_count_as_the_numbers_under_the_mask(call):
+    masked = np.ma.masked_array(POINTS, np.zeros(POINTS.shape, bool))
+    call(masked)
+    masked[5] = np.ma.masked
+    with pytest.raises(pf.UsageError, match=r"masked elements.*\.filled\(numpy\.nan\)"):
+        call(masked)
+    assert np.isnan(pf.denoise(masked.filled(np.nan), k=10)).sum() == 3
+    with pytest.raises(pf.UsageError, match="mask has masked elements"):
+        pf.denoise(POINTS, mask=np.ma.masked_array(np.ones(len(POINTS), bool), np.arange(len(POINTS)) == 3))
+
+
+@pytest.mark.parametrize("part, advice", [("points", "points.points"), ("xyz", "points.xyz"), ("point", "points.point.positions")])
+def test_objects_that_hold_positions_are_refused_with_the_name_of_these(part, advice):
+    holder = type("PointCloud", (), {part: POINTS})()
+    with pytest.raises(pf.UsageError, match=f"^points is a PointCloud: give its positions, {advice}$"):
+        pf.denoise(holder)
+
+
+def test_the_type_that_is_advised_keeps_all_digits():
+    for kind, advised in ((np.int64, "float64"), (object, "float64"), (np.float16, "float32")):
+        with pytest.raises(pf.UsageError, match=rf"astype\('{advised}'\)"):
+            pf.denoise(POINTS.astype(kind))
+
+
 @pytest.mark.parametrize("call", [pf.denoise, pf.estimate, pf.denoise_batch, lambda array: pf.Pipeline("cpu").load(array), pf.Cloud])
 def test_arrays_without_memory_are_refused(call):
     class Meta:  # as a tensor of torch on the device "meta"

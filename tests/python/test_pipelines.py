@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pipelines, batches, reports, limits."""
+import copy
 import pathlib
 import pickle
 import subprocess
@@ -270,6 +271,15 @@ def test_reports_survive_pickling_and_have_nothing_left_to_choose():
     chosen = report.params.changed()
     assert {"noise", "radius", "similarity_sigma", "iterations", "displacement_limit"} <= set(chosen) and "auto" not in chosen.values()
     assert same_bits(pf.denoise(POINTS, outliers="mark"), smooth)
+
+
+def test_pipelines_and_clouds_say_what_to_send_to_another_process():
+    with pytest.raises(TypeError, match="make one in each process"):
+        pickle.dumps(pf.Pipeline("cpu"))
+    with pytest.raises(TypeError, match="make one in each process"):
+        copy.copy(pf.Pipeline("cpu"))  # both would change one cloud
+    with pytest.raises(TypeError, match="pass the path"):
+        pickle.dumps(pf.Cloud(POINTS))
 
 
 def test_estimates_are_in_the_coordinates_of_the_array():

@@ -37,12 +37,18 @@ class NpySource final : public RecordSource {
   bool is_columnar_;
 };
 
+// An array of more columns and three or four rows has x in one row, not a point.
+constexpr std::uint64_t kMostColumnsOfFewPoints = 64;
+
 // Rows of `columns` values, the coordinates first. A Fortran array has one column after the other.
 void lay_out_rows(const Header& header, std::uint64_t columns, RecordLayout& layout, const std::string& name) {
   const Field& field = header.fields[0];
   if (columns < 3 || columns > kMaxColumns)
     fail(name, "is an array with " + std::to_string(columns) + " values a row; points need x, y and z, and at most " +
                    std::to_string(kMaxColumns) + " values. An array of shape (N, 3) or more can be read");
+  if ((layout.count == 3 || layout.count == 4) && columns > kMostColumnsOfFewPoints)
+    fail(name, "is an array with " + std::to_string(layout.count) + " rows of " + std::to_string(columns) +
+                   " values, one axis a row; save its transpose, with a point a row");
   if (!field.type) fail(name, "is not an array of numbers that can be read; convert it with astype('f4')");
   const auto rows = static_cast<std::size_t>(layout.count), values = static_cast<std::size_t>(columns);
   for (std::size_t c = 0; c < values; ++c)
