@@ -78,6 +78,7 @@ export async function openPage(t, browser, url, options = {}, prepare = async ()
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 }, acceptDownloads: true, ...options });
   context.setDefaultTimeout(120000); // for what never comes; how long things take is measured by bench/viewer_page.mjs
   const page = await context.newPage();
+  page.on("filechooser", () => {}); // with the first listener the browser begins to tell of choosers, some time later
   const faults = (t.faults ??= []);
   page.on("pageerror", (error) => faults.push(String(error)));
   page.on("console", (message) => message.type() === "error" && faults.push(message.text()));
