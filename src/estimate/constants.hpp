@@ -68,6 +68,7 @@ inline constexpr double kSmoothGrowth = 1.8;    // the same ratio; of more, neig
 inline constexpr double kFarCorrelation = 0.9;  // of copies thinned by 2 and 4; 075
 inline constexpr double kMostFarNoise = 0.45;   // spacings, of these copies and of all points; more is shape; 075
 inline constexpr double kLeastSlowing = 0.25;   // the next growth over one; less is a relief of one wavelength; 075
+inline constexpr double kMostOfSecond = 0.83;   // residual over spacing, of every eighth point over every second; 075
 inline constexpr double kMoreGrowth = 0.15;     // of copies thinned by 4 and 8 over that of all points; 075
 
 // Noise from place to place.

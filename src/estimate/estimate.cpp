@@ -165,13 +165,23 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
   });
 }
 
+// In flat places, of neighbourhoods of 115 points; endless if there are none.
+double widest_residual(std::span<const point::ResidualSample> samples) {
+  std::vector<double> known;
+  for (const point::ResidualSample& sample : samples)
+    if (sample.widest >= 0) known.push_back(sample.widest);
+  return known.empty() ? kEndless : quantile(known, kLeastQuantile);
+}
+
 // Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
-// point as much as between neighbours, among which residuals in flat places grow by `growth`, and still between every
-// eighth. Residuals of shape grow more with each scale, those of a relief of one wavelength end with it, and those of
-// other rough surfaces are large against the spacing.
+// point as much as between neighbours, among which residuals in flat places grow by `growth` (endless: they are
+// repeats, which tell nothing), and still between every eighth, where it is less against the spacing. Residuals of
+// shape grow more with each scale, those of natural ground stay as large against the spacing, those of a relief of one
+// wavelength end with it, and those of other rough surfaces are large.
 bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, double growth,
                        const std::stop_token& stop) {
   const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
+  double at_second = 0;  // residual over the spacing, of every second point
   for (const int stride : {2, 4, 8}) {
     const Samples thinned = from.take_thinned_samples({}, some, stride, stop);
     const Noise noise = noise_of(thinned.noise, false);
@@ -180,6 +190,9 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
     const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
     if (stride < 8 && !(is_small && correlation(residuals) >= kFarCorrelation)) return false;
     if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
+    const double over_spacing = widest_residual(residuals) / noise.surface_spacing;
+    if (stride == 2) at_second = over_spacing;
+    if (stride == 8 && growth < kEndless && over_spacing > kMostOfSecond * at_second) return false;
   }
   return true;
 }
@@ -327,7 +340,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kSmoothGrowth &&
                      result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  if (repeats > 1) growth = kEndless;  // between repeats it is anything
+  if (repeats > 1) growth = kEndless;
   if (may_be_far && is_correlated_far(from, for_noise, growth, stop)) {
     repeats = kMostRepeats;
     samples = thinned_samples();
