@@ -146,6 +146,33 @@ def object_blurred(rng: Random) -> Drawn:
     return with_error(rng, error)
 
 
+def scene_of_object(mesh) -> Scene:
+    scene = Scene()
+    scene.add("object", objects.scaled(mesh, 1.0))
+    return scene.finish(diagonal=1.0)
+
+
+@family("objects")
+def object_carved(rng: Random) -> Drawn:
+    """Detail of 5 to 20 spacings in length and 1 to 10 noises in height, noise of .05 to .7 spacings."""
+    count = usual_count(rng)
+    mesh = objects.any_mesh(rng, 1.0)
+    spacing = np.sqrt(.6 / count)
+    sigma, length = spacing * log_uniform(rng, .05, .7), spacing * rng.uniform(5, 20)
+    scene = scene_of_object(objects.carved(rng, mesh, length, min(sigma * log_uniform(rng, 1, 10), .2 * length)))
+    clean, triangle = sampled(scene, rng, count)
+    return white(scene, rng, clean, triangle, sigma)
+
+
+@family("objects")
+def object_faceted(rng: Random) -> Drawn:
+    """Some hundred plane facets of 8 to 200 points, noise of .05 to 1 spacing."""
+    scene = scene_of_object(objects.faceted(rng))
+    count = int(np.clip(len(scene.triangles) * log_uniform(rng, 8, 200), 5_000, 60_000))
+    clean, triangle = sampled(scene, rng, count)
+    return white(scene, rng, clean, triangle, np.sqrt(.6 / count) * log_uniform(rng, .05, 1))
+
+
 @family("objects")
 def small_cloud(rng: Random) -> Drawn:
     """300 to 5,000 points of an object."""

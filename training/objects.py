@@ -8,7 +8,7 @@ import numpy as np
 
 import cloud
 from scene import Scene
-from shapes import Mesh, box, hull, joined, lathe, level_set, on_floor, pebble, pipe, rod, scaled, sheet, turned, unit
+from shapes import Mesh, box, finer, hull, joined, lathe, level_set, on_floor, pebble, pipe, rod, scaled, sheet, turned, unit
 
 Random = np.random.Generator
 KEPT_APART = ("egea", "joint", "bumpy_torus", "block", "nicolo", "screwdriver")     # shapes of other tests
@@ -207,6 +207,43 @@ def any_mesh(rng: Random, diagonal: float) -> Mesh:
     if rng.random() < .5:
         vertices = vertices[:, [0, 2, 1]] * [1, -1, 1]
     return scaled((vertices, triangles), diagonal)
+
+
+def carved(rng: Random, mesh: Mesh, length: float, height: float) -> Mesh:
+    """With detail of about this length and height: waves, ridges or scales in two octaves, at times in some places only. Space
+    itself is bent, so that parts that touch stay together."""
+    vertices, triangles = finer(mesh, length / 4)
+    kind, shift = rng.integers(3), np.zeros_like(vertices)
+    for octave in range(2):
+        for _ in range(5):
+            number = 2 * np.pi / (length * 2 ** octave) * rng.uniform(.7, 1.4)
+            wave = np.sin(vertices @ (number * unit(rng.normal(size=3))) + rng.uniform(0, 2 * np.pi))
+            if kind == 1:
+                wave = 1.3 - 2 * np.abs(wave)                  # sharp ridges
+            elif kind == 2:
+                wave = np.tanh(4 * wave)                       # plateaus and steps
+            shift += wave[:, None] * unit(rng.normal(size=3)) * rng.uniform(.5, 1)
+    if rng.random() < .5:
+        patches = np.sin(vertices @ (unit(rng.normal(size=3)) * rng.uniform(4, 12)) + rng.uniform(0, 2 * np.pi))
+        shift *= np.clip(.5 + 2 * patches, 0, 1)[:, None]
+    return vertices + .4 * height * shift, triangles
+
+
+def faceted(rng: Random) -> Mesh:
+    """A figure of some hundred plane triangles, as of low-polygon models and of cut stones."""
+    vertices, triangles = (pebble(rng, np.zeros(3), rng.uniform(.4, 1, 3), rng.uniform(.1, .4), int(rng.integers(6, 17)))
+                           if rng.random() < .5 else any_mesh(rng, 2.0))
+    if len(triangles) > 1500:                                  # the vertices of each cell of a lattice become one
+        cell = np.linalg.norm(np.ptp(vertices, axis=0)) / rng.uniform(10, 28)
+        place, merged, count = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True, return_counts=True)
+        merged = merged.ravel()
+        vertices = np.stack([np.bincount(merged, vertices[:, k]) / count for k in range(3)], 1)
+        triangles = merged[triangles]
+        first = (triangles.argmin(1)[:, None] + np.arange(3)) % 3
+        triangles = np.unique(np.take_along_axis(triangles, first, 1), axis=0)
+        a, b, c = triangles.T
+        triangles = triangles[(a != b) & (b != c) & (a != c)]
+    return vertices + .02 * rng.normal(size=vertices.shape) * rng.random(), triangles
 
 
 def one_object(rng: Random) -> Scene:

@@ -43,6 +43,28 @@ def scaled(mesh: Mesh, diagonal: float) -> Mesh:
     return vertices * (diagonal / np.linalg.norm(np.ptp(vertices, axis=0))), triangles
 
 
+def finer(mesh: Mesh, longest: float, most: int = 300_000) -> Mesh:
+    """The same surface with the longest edge of each triangle halved until it is at most this long, or until there are so many
+    triangles."""
+    vertices, triangles = mesh
+    done = []
+    while len(triangles):
+        corners = vertices[triangles]
+        edge = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
+        worst = edge.argmax(1)
+        long = edge.max(1) > longest
+        if sum(map(len, done)) + len(triangles) + long.sum() > most:
+            long[:] = False
+        done.append(triangles[~long])
+        row = np.arange(3)[None] + worst[long, None]
+        a, b, c = np.take_along_axis(triangles[long], row % 3, 1).T          # a to b is the longest
+        ends, middle = np.unique(np.sort(np.stack([a, b], 1), axis=1), axis=0, return_inverse=True)
+        middle = len(vertices) + middle.ravel()
+        vertices = np.concatenate([vertices, vertices[ends].mean(1)])
+        triangles = np.concatenate([np.stack([a, middle, c], 1), np.stack([middle, b, c], 1)])
+    return vertices, np.concatenate(done)
+
+
 def hull(points) -> Mesh:
     """The convex hull, faces outwards."""
     points = np.asarray(points, float)

@@ -23,7 +23,8 @@ import spec
 
 SIZE = 8192  # points of a piece; clouds of 10,000 points are common
 MOST = 3  # pieces of a cloud
-EVEN, OBJECTS, HARD = 0.25, 0.15, 0.2  # of the clouds: object_even, any object, spec.HARD; the others from all families
+# Of the clouds: object_even, any object, spec.HARD, noise that neighbours share; the others from all families.
+EVEN, OBJECTS, HARD, CORRELATED = 0.2, 0.1, 0.25, 0.15
 SOUND = 0.05  # of a piece's points at least lie on a surface; there are forests with 15 leaves for a point of the ground
 TYPES = {"float": "<f4", "double": "<f8", "uchar": "u1", "int": "<i4"}
 
@@ -136,11 +137,12 @@ def main(out, program, seconds, worker=0, workers=1, first=1_000_000):
     Path(out).mkdir(parents=True, exist_ok=True)
     end, seed, names = time.time() + float(seconds), int(first) + int(worker), sorted(families.FAMILIES)
     objects = [name for name in names if families.FAMILIES[name].group == "objects"]
+    correlated = [name for name in names if families.FAMILIES[name].correlated]
     piles, scratch = defaultdict(Pile), f"{out}/scratch{worker}"
     while time.time() < end:
         rng = np.random.default_rng(seed)
-        shares = [EVEN, OBJECTS, HARD, 1 - EVEN - OBJECTS - HARD]
-        among = (["object_even"], objects, spec.HARD, names)[rng.choice(4, p=shares)]
+        shares = [EVEN, OBJECTS, HARD, CORRELATED, 1 - EVEN - OBJECTS - HARD - CORRELATED]
+        among = (["object_even"], objects, spec.HARD, correlated, names)[rng.choice(5, p=shares)]
         family = among[rng.integers(len(among))]
         cloud = families.draw(family, seed)
         if len(cloud.points) >= SIZE:

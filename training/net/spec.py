@@ -36,4 +36,4 @@ CLIP = 4.0  # noises, of heights that gates weigh
 # Families of which nets before left some clouds worse than the default run: pieces.py draws more of them, train.py gives
 # them turns of their own.
 HARD = ("object_anisotropic", "much_noise_along", "thin_plates", "fine_relief", "terrestrial_close", "grid_waves",
-        "airborne_lines", "sonar_fans")
+        "airborne_lines", "sonar_fans", "object_carved", "object_faceted")

@@ -10,13 +10,17 @@ import argparse
 import copy
 import math
 import random
+import sys
 import time
 from collections import defaultdict
 from pathlib import Path
 
 import torch
 
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
 import data
+import families
 import model
 import spec
 
@@ -82,9 +86,8 @@ def validate(net, pieces, together):
 
 
 EVEN = "objects_object_even"
-CORRELATED, BLURRED = "objects_object_correlated", "objects_object_blurred"
-GROUPS = (EVEN, "scans", "hard", "objects", "scans", EVEN, "hard", "clean", "scans", EVEN, CORRELATED, "special")
-GROUPS += ("scans", "hard", EVEN, "scans", "objects", EVEN, "scans", BLURRED, "hard", "special", EVEN, "scans")
+GROUPS = (EVEN, "scans", "hard", "objects", "correlated", EVEN, "hard", "clean", "scans", EVEN, "correlated", "special")
+GROUPS += ("scans", "hard", EVEN, "correlated", "objects", "hard", "scans", "correlated", EVEN, "special", "hard", "scans")
 REPORT = 50  # steps, after which the card is asked what they left
 
 
@@ -153,7 +156,8 @@ class Training:
         while self.sorted < len(pieces):
             kind = pieces[self.sorted][0]
             first, family = kind.split("_", 1)
-            for group in (first, kind) + ("hard",) * (family in spec.HARD):
+            is_correlated = families.FAMILIES[family].correlated
+            for group in (first, kind) + ("hard",) * (family in spec.HARD) + ("correlated",) * is_correlated:
                 by_group[group][kind].append(self.sorted)
             self.sorted += 1
             self.harm.append(0.0)
