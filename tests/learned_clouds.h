@@ -33,7 +33,7 @@ struct Golden {
 };
 
 inline std::vector<Golden> golden_clouds() {
-  const std::vector<std::byte> bytes = bytes_of(std::string(POINTFAIR_SOURCE_DIR) + "/tests/learned/clouds.bin");
+  const std::vector<std::byte> bytes = bytes_of(POINTFAIR_SOURCE_DIR "/tests/learned/clouds.bin");
   std::vector<Golden> clouds;
   for (std::size_t at = 0; at < bytes.size();) {
     std::uint32_t count = 0;
