@@ -148,6 +148,25 @@ std::vector<Point> rows_of_hidden(const NearestRows& rows, std::span<const point
   return 2 * std::size_t(messy) < looked_at ? std::vector<Point>() : rows.of(looked_at, int(kRow));
 }
 
+namespace {
+
+// Among places that are no surface, those whose noise is far below the spacing; none if there are few of them, or if
+// noise of all sizes is there.
+std::vector<bool> quiet_places(std::span<const point::NoiseSample> samples, std::size_t looked_at) {
+  std::size_t quiet = 0, between = 0;
+  for (const point::NoiseSample& sample : samples.first(looked_at)) {
+    if (!sample.shows_noise || is_messy(sample)) continue;
+    ++(sample.sigma < kQuietNoise * sample.spacing ? quiet : between);
+  }
+  const std::size_t fewest = std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)));
+  std::vector<bool> result;
+  if (quiet < fewest || double(between) > kMostBetween * double(quiet)) return result;
+  for (const point::NoiseSample& sample : samples) result.push_back(!is_messy(sample));
+  return result;
+}
+
+}  // namespace
+
 HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point::NoiseSample> samples,
                                   const ForEach& for_each) {
   const std::size_t looked_at = rows.size() / (kRow + 1);
@@ -158,8 +177,9 @@ HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point
   std::vector<Found> found;
   for (const std::optional<Found>& one : at_samples)
     if (one) found.push_back(*one);
-  if (found.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)))) return {};
-  if (!further_points_agree(found) || are_profiles(found)) return {};
+  const bool is_chance = found.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at))) ||
+                         !further_points_agree(found) || are_profiles(found);
+  if (is_chance) return {quiet_places(samples, looked_at), std::move(samples)};
   std::vector<double> noise;
   for (const Found& one : found) noise.push_back(one.half.noise);
   const double typical = median(std::move(noise));
