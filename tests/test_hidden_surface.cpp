@@ -48,21 +48,30 @@ Forest forest(std::size_t ground, std::size_t crown, unsigned seed, double noise
 double height_of(const Point& p) { return (p.z - 0.1 * p.x - 0.02 * p.y) / std::sqrt(1 + 0.01 + 0.0004); }
 using shapes::distance;
 
-TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
-  for (const unsigned seed : {1u, 2u, 3u}) {
-    const Forest made = forest(400, 3200, seed);
-    Ran run(made.points);
-    const Points& after = run.points;
-    double before_squares = 0, squares = 0, most = 0;
-    for (std::size_t i = 0; i < made.ground; ++i) {
-      before_squares += std::pow(height_of(made.points[i]), 2);
-      squares += std::pow(height_of(after[i]), 2);
-    }
-    for (std::size_t i = made.ground; i < after.size(); ++i) most = std::max(most, distance(after[i], made.points[i]));
-    EXPECT_LT(squares, 1.05 * 1.05 * before_squares) << seed;
-    EXPECT_LT(most, 0.2) << seed;  // crown points are 1 apart
-    EXPECT_GT(run.pipeline.estimates().without_surface, 0.5) << seed;
+// The ground gets no worse, crowns stay but for a share of their points, and the run says that most points show no
+// surface.
+void expect_no_harm(const Forest& made, unsigned seed, double share = 0) {
+  Ran run(made.points);
+  const Points& after = run.points;
+  double before_squares = 0, squares = 0, moved = 0;
+  for (std::size_t i = 0; i < made.ground; ++i) {
+    before_squares += std::pow(height_of(made.points[i]), 2);
+    squares += std::pow(height_of(after[i]), 2);
   }
+  for (std::size_t i = made.ground; i < after.size(); ++i)
+    moved += distance(after[i], made.points[i]) < 0.2 ? 0 : 1;  // crown points are 1 apart
+  EXPECT_LT(squares, 1.05 * 1.05 * before_squares) << seed;
+  EXPECT_LE(moved, share * double(after.size() - made.ground)) << seed;
+  EXPECT_GT(run.pipeline.estimates().without_surface, 0.5) << seed;
+}
+
+TEST(HiddenSurface, ground_between_crowns_gets_no_worse_and_crowns_stay) {
+  for (const unsigned seed : {1u, 2u, 3u}) expect_no_harm(forest(400, 3200, seed), seed);
+}
+
+// Half of 16 points lie farther off their plane there than by chance.
+TEST(HiddenSurface, dense_ground_with_noise_of_a_tenth_of_its_spacing_gets_no_worse) {
+  for (const unsigned seed : {1u, 2u, 3u}) expect_no_harm(forest(1500, 12000, seed, 0.2), seed, 0.01);
 }
 
 TEST(HiddenSurface, without_noise_stays_as_it_is) {

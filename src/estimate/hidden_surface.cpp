@@ -184,10 +184,12 @@ HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point
   for (const Found& one : found) noise.push_back(one.half.noise);
   const double typical = median(std::move(noise));
   std::vector<bool> on_surface(samples.size());
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    on_surface[i] =
-        (i < looked_at && at_samples[i]) || !is_messy(samples[i]) || samples[i].sigma <= kNoSurface * typical;
-  if (2 * std::count(on_surface.begin(), on_surface.end(), true) > std::ptrdiff_t(samples.size())) return {};
+  std::size_t nearly = 0;  // as noisy as a surface might be
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    on_surface[i] = (i < looked_at && at_samples[i]) || !is_messy(samples[i]);
+    nearly += on_surface[i] || samples[i].sigma <= kNoSurface * typical ? 1 : 0;
+  }
+  if (2 * nearly > samples.size()) return {};
   for (const Found& one : found) samples[one.sample].sigma = one.half.noise;
   return {std::move(on_surface), std::move(samples)};
 }
