@@ -332,6 +332,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     else
       hidden = find_hidden_surface(rows, samples.noise, for_each);
   });
+  if (!rows.empty() && hidden.on_surface.empty()) hidden = find_quiet_surface(samples.noise, samples.residuals);
   if (!hidden.on_surface.empty()) {
     Estimate of_hidden{spacing, {}};
     add_hidden_surface(of_hidden, hidden, sample, for_each);

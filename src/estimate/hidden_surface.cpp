@@ -148,25 +148,6 @@ std::vector<Point> rows_of_hidden(const NearestRows& rows, std::span<const point
   return 2 * std::size_t(messy) < looked_at ? std::vector<Point>() : rows.of(looked_at, int(kRow));
 }
 
-namespace {
-
-// Among places that are no surface, those whose noise is far below the spacing; none if there are few of them, or if
-// noise of all sizes is there.
-std::vector<bool> quiet_places(std::span<const point::NoiseSample> samples, std::size_t looked_at) {
-  std::size_t quiet = 0, between = 0;
-  for (const point::NoiseSample& sample : samples.first(looked_at)) {
-    if (!sample.shows_noise || is_messy(sample)) continue;
-    ++(sample.sigma < kQuietNoise * sample.spacing ? quiet : between);
-  }
-  const std::size_t fewest = std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at)));
-  std::vector<bool> result;
-  if (quiet < fewest || double(between) > kMostBetween * double(quiet)) return result;
-  for (const point::NoiseSample& sample : samples) result.push_back(!is_messy(sample));
-  return result;
-}
-
-}  // namespace
-
 HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point::NoiseSample> samples,
                                   const ForEach& for_each) {
   const std::size_t looked_at = rows.size() / (kRow + 1);
@@ -179,7 +160,7 @@ HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point
     if (one) found.push_back(*one);
   const bool is_chance = found.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at))) ||
                          !further_points_agree(found) || are_profiles(found);
-  if (is_chance) return {quiet_places(samples, looked_at), std::move(samples)};
+  if (is_chance) return {};
   std::vector<double> noise;
   for (const Found& one : found) noise.push_back(one.half.noise);
   const double typical = median(std::move(noise));
@@ -192,6 +173,28 @@ HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point
   if (2 * nearly > samples.size()) return {};
   for (const Found& one : found) samples[one.sample].sigma = one.half.noise;
   return {std::move(on_surface), std::move(samples)};
+}
+
+HiddenSurface find_quiet_surface(const std::vector<point::NoiseSample>& samples,
+                                 const std::function<std::vector<point::ResidualSample>()>& residuals) {
+  std::size_t quiet = 0, between = 0, messy = 0;
+  for (const point::NoiseSample& sample : samples) {
+    if (!sample.shows_noise) continue;
+    ++(is_messy(sample) ? messy : sample.sigma < kQuietNoise * sample.spacing ? quiet : between);
+  }
+  const std::size_t fewest = std::max(kFewestHidden, std::size_t(kHiddenShare * double(samples.size())));
+  if (messy < samples.size() / 2 || quiet < fewest || double(between) > kMostBetween * double(quiet)) return {};
+  std::vector<double> narrow, widest;
+  const std::vector<point::ResidualSample> of_samples = residuals();
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    if (!is_messy(samples[i]) || of_samples[i].narrow < 0 || of_samples[i].widest < 0) continue;
+    narrow.push_back(of_samples[i].narrow);
+    widest.push_back(of_samples[i].widest);
+  }
+  if (narrow.empty() || median(std::move(widest)) < kGrowthOfVolume * median(std::move(narrow))) return {};
+  HiddenSurface result{std::vector<bool>(samples.size()), samples};
+  for (std::size_t i = 0; i < samples.size(); ++i) result.on_surface[i] = !is_messy(samples[i]);
+  return result;
 }
 
 }  // namespace pointfair

@@ -2,6 +2,7 @@
 // A surface that most of its neighbours do not lie on, such as the ground between crowns.
 #pragma once
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -26,5 +27,11 @@ std::vector<Point> rows_of_hidden(const NearestRows& rows, std::span<const point
 // of rows_of_hidden().
 HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point::NoiseSample> samples,
                                   const ForEach& for_each);
+
+// The same where no half of 16 points is that near to a plane: places whose noise is far below the spacing are the
+// surface, if most have as much as the spacing, hardly any are in between, and residuals of the noisy ones grow with
+// their neighbourhood as those of a volume do.
+HiddenSurface find_quiet_surface(const std::vector<point::NoiseSample>& samples,
+                                 const std::function<std::vector<point::ResidualSample>()>& residuals);
 
 }  // namespace pointfair
