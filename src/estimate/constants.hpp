@@ -40,7 +40,7 @@ inline constexpr double kMessyNoise = 0.4;       // spacings; of more, the neare
 inline constexpr double kQuietNoise = 0.2;       // spacings; of less, places among those are a surface; 165
 inline constexpr double kMostBetween = 1.0 / 3;  // of as many as these have noise between the two; 165
 inline constexpr double kGrowthOfVolume = 1.35;  // of residuals from 30 to 115 points; crowns 1.5, noise 1.2; 165
-inline constexpr double kHiddenNoise = 0.015;  // of the distance to the 16th nearest; chance is below 0.1 %; 165
+inline constexpr double kHiddenNoise = 0.015;    // of the distance to the 16th nearest; chance is below 0.1 %; 165
 inline constexpr double kFurtherNoise = 3, kFurtherShare = 0.125;  // of that; of the next 16 points; 165
 inline constexpr double kSameSurface = 0.2;      // sine of an angle; of one surface .1 at most, of others .35; 165
 inline constexpr double kNoSurface = 10;         // of the hidden surface's noise; 165
