@@ -235,7 +235,7 @@ def faceted(rng: Random) -> Mesh:
                            if rng.random() < .5 else any_mesh(rng, 2.0))
     if len(triangles) > 1500:                                  # the vertices of each cell of a lattice become one
         cell = np.linalg.norm(np.ptp(vertices, axis=0)) / rng.uniform(10, 28)
-        place, merged, count = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True, return_counts=True)
+        _, merged, count = np.unique(np.floor(vertices / cell), axis=0, return_inverse=True, return_counts=True)
         merged = merged.ravel()
         vertices = np.stack([np.bincount(merged, vertices[:, k]) / count for k in range(3)], 1)
         triangles = merged[triangles]
