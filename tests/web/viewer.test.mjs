@@ -137,7 +137,7 @@ test("a scan is loaded, denoised, compared, saved, and all of it comes back", mo
   });
 
   await t.test("what is saved is what the copied command writes, bit for bit", async () => {
-    await settled(page); // a run that ends meanwhile would give the file its usual name again
+    await settled(page); // the run with the lasso and the box has ended
     await save(page, "denoised.ply");
     const saved = readFileSync(path.join(folder, "denoised.ply"));
     const command = await copied(page, "Copy as command", "command");
