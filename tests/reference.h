@@ -218,8 +218,8 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
     near += s.k > 0 || dot(offset, offset) <= std::max(0.75 * squared_radius(points, i, s), core);
   }
   const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
-  const double all = double(list.size()), least = is_sparse ? 0.7 : 0.1;
-  return s.outlier_distance > 0 && (near_plane < least * all || near < 0.05 * all);
+  const float all = float(list.size()), least = is_sparse ? 0.7f : 0.1f;  // a tenth of thirty is three in floats only
+  return s.outlier_distance > 0 && (float(near_plane) < least * all || float(near) < 0.05f * all);
 }
 
 // From the point to the mean of its neighbours, weighted by closeness in a list, by the sixth power of the inverse

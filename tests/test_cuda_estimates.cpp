@@ -19,7 +19,7 @@ Bits bits_of(const Samples& samples) {
   for (const point::SpacingSample& s : samples.spacing) add(s.mean, s.last);
   for (const point::NoiseSample& s : samples.noise)
     add(s.is_short, s.shows_noise, s.is_wide, s.sigma, s.spacing, s.gap);
-  for (const point::ResidualSample& s : samples.residuals()) add(s.narrow, s.wide, s.widest, s.sees_sheets);
+  for (const point::ResidualSample& s : samples.residuals()) add(s.narrow, s.wide, s.widest);
   return bits;
 }
 
@@ -27,7 +27,7 @@ Bits bits_of(const Estimate& found) {
   Bits bits;
   const Noise& noise = found.noise;
   for (const double value : {found.spacing.mean, found.spacing.rho, noise.sigma, noise.surface_spacing,
-                             noise.shape_to_noise, noise.gap, noise.correlation, noise.confined})
+                             noise.shape_to_noise, noise.gap, double(noise.is_shared)})
     bits.push_back(std::bit_cast<std::uint64_t>(value));
   return bits;
 }

@@ -151,7 +151,7 @@ TEST(NoiseLevels, are_told_as_quantiles) {
 TEST(NoiseLevels, without_noise_hardly_a_point_moves) {
   const auto wave = [](double x, double y) { return 0.2 * kSpacing * std::sin(x / kSpacing) * std::sin(y / kSpacing); };
   const Points points = shapes::lifted(shapes::plane(kPoints), wave);
-  EXPECT_LT(shapes::mean_distance(Outcome(points).points, points), 0.001 * kSpacing);
+  EXPECT_LT(shapes::mean_distance(Outcome(points).points, points), 0.004 * kSpacing);
 }
 
 // Inside, outside, on nodes and nowhere.

@@ -165,7 +165,7 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
 Noise noise_over(unsigned char before) {
   alignas(Noise) unsigned char bytes[sizeof(Noise)];
   std::memset(bytes, before, sizeof bytes);
-  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 3, 4, 5, true, 6, 7};
+  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 3, 4, true, 6, 7, true};
   Noise noise;
   std::memcpy(static_cast<void*>(&noise), bytes, sizeof noise);
   return noise;
@@ -185,9 +185,10 @@ TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_byte
   }
   const Measured loaded = load_measured(folder / "b");
   EXPECT_EQ(loaded.noise.sigma, 0.5);
-  EXPECT_EQ(loaded.noise.correlation, 5);
+  EXPECT_EQ(loaded.noise.gap, 4);
   EXPECT_TRUE(loaded.noise.depth_has_steps);
-  EXPECT_EQ(loaded.noise.surface_points, 7);
+  EXPECT_EQ(loaded.noise.repeats, 7);
+  EXPECT_TRUE(loaded.noise.is_shared);
   EXPECT_EQ(loaded.origin, (Position{1, 2, 3}));
   EXPECT_EQ(loaded.frame.side, 8);
   EXPECT_EQ(loaded.spacing.rho, 9);

@@ -27,9 +27,9 @@ struct Estimates {
   double float_step = 0;
   /// Share of the cloud where no surface shows although the rest has one, as in crowns or clutter; it keeps its place.
   double without_surface = 0;
-  /// Neighbourhoods hold many points for no other reason than points at one place, as the corners of faces that share
-  /// none: not since noise is shared by neighbours.
-  bool is_of_copies = false;
+  /// Neighbouring points share their noise (it is long-wave), or rows or copies of points repeat it: averaging removes
+  /// a part only.
+  bool noise_is_shared = false;
 };
 
 /// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").

@@ -78,7 +78,7 @@ struct TiledReport {
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   double without_surface = 0;               ///< as in Estimates
-  bool is_of_copies = false;                ///< the same
+  bool noise_is_shared = false;             ///< the same
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates

@@ -259,8 +259,7 @@ class Resolver {
 }  // namespace
 
 Needed needed_by(const Params& asked) {
-  constexpr int kUsual = constants::kMinNeighbors * 3 / 2;  // noise that is slightly correlated asks for more
-  const int usual = asked.min_neighbors == kAutomatic ? kUsual : asked.min_neighbors;
+  const int usual = asked.min_neighbors == kAutomatic ? constants::kMinNeighbors : asked.min_neighbors;
   return {{needs_spacing(asked), needs_noise(asked), sums_within_radius(asked) ? usual : 0}, needs_diagonal(asked)};
 }
 

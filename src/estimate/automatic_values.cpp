@@ -65,12 +65,11 @@ double radius_factor(const Noise& noise, double spacing) {
   const double level = level_of(noise, spacing);
   if (!(level > 0) || noise.gap > 0) return 1;
   if (noise.depth_has_steps) return kDepthWidening;
-  const double room = portable::pow(kRoominess, share_between(kRoomyNoise, level));
-  return portable::pow(room * portable::pow(kConfinement, noise.confined), 1 - share_between(kUnseenNoise, level));
+  return portable::pow(kRoominess, share_between(kRoomyNoise, level));
 }
 
 double automatic_flat_scale(const Noise& noise, double spacing) {
-  const double share = share_between(kFlatNoise, level_of(noise, spacing));
+  const double share = share_between(kHarmlessNoise, level_of(noise, spacing));
   return double(std::lround(std::lerp(kFlatPercent[0], kFlatPercent[1], share))) / 100;
 }
 
@@ -82,8 +81,7 @@ int automatic_k(const Noise& noise, double spacing) {
 
 int automatic_min_neighbors(const Noise& noise, double spacing) {
   if (!(noise.gap > 0 && spacing > 0))
-    return std::max(int(std::lround(std::lerp(kMinNeighbors, kMinNeighborsIfCorrelated, noise.correlation))),
-                    noise.surface_points > kReachPoints ? noise.surface_points : 0);
+    return noise.surface_points > kReachPoints ? noise.surface_points : kMinNeighbors;
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
   if (gap > kSeparableGap) return std::min(kMinNeighbors, int(kOneSheet * count));
   return std::clamp(int(kBothSheets * count), kMinNeighbors, kMaxMinNeighbors);

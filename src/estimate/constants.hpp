@@ -23,8 +23,9 @@ inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for
 
 // Points that are no measurements of their own.
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
-inline constexpr double kEvenDistances = 0.4;                   // of squared distance over rank; chance is 0.69; 141
-inline constexpr std::size_t kThinnedSamples = 2000;            // whose rows are long; 141
+inline constexpr int kMostCopies = 2;          // times the points at one place; of more repeats, noise is shared; 141
+inline constexpr double kEvenDistances = 0.4;  // of squared distance over rank; chance is 0.69; 141
+inline constexpr std::size_t kThinnedSamples = 2000;  // whose rows are long; 141
 
 // Rows of points that share an error.
 inline constexpr std::size_t kRowSamples = 150;                    // samples; 141
@@ -43,7 +44,6 @@ inline constexpr double kGrowthOfVolume = 1.35;  // of residuals from 30 to 115 
 inline constexpr double kHiddenNoise = 0.015;    // of the distance to the 16th nearest; chance is below 0.1 %; 165
 inline constexpr double kFurtherNoise = 3, kFurtherShare = 0.125;  // of that; of the next 16 points; 165
 inline constexpr double kSameSurface = 0.2;      // sine of an angle; of one surface .1 at most, of others .35; 165
-inline constexpr double kNoSurface = 10;         // of the hidden surface's noise; 165
 inline constexpr double kHiddenShare = 0.02;     // of the samples; 165
 inline constexpr std::size_t kFewestHidden = 8;  // samples; 165
 inline constexpr double kEndless = 1e9;          // of what cannot be told
@@ -67,12 +67,11 @@ inline constexpr double kOwnGrowth = 1.05;                   // ratio of median 
 inline constexpr double kShapeVarianceGrowth = 4;            // ratio of variances of shape: a quadric's; 082
 inline constexpr double kCorrelatedGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
 inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
-inline constexpr double kSmoothGrowth = 1.8;    // the same ratio; of more, neighbours have no noise of their own; 075
-inline constexpr double kFarCorrelation = 0.9;  // of copies thinned by 2 and 4; 075
-inline constexpr double kMostFarNoise = 0.45;   // spacings, of these copies and of all points; more is shape; 075
-inline constexpr double kLeastSlowing = 0.25;   // the next growth over one; less is a relief of one wavelength; 075
-inline constexpr double kMostOfSecond = 0.83;   // residual over spacing, of every eighth point over every second; 075
-inline constexpr double kMoreGrowth = 0.15;     // of copies thinned by 4 and 8 over that of all points; 075
+inline constexpr double kMostlyCorrelated = 0.9;             // of 1; 075
+inline constexpr double kMostFarNoise = 0.45;  // spacings, of these copies and of all points; more is shape; 075
+inline constexpr double kLeastSlowing = 0.25;  // the next growth over one; less is a relief of one wavelength; 075
+inline constexpr double kMostOfSecond = 0.83;  // residual over spacing, of every eighth point over every second; 075
+inline constexpr double kMoreGrowth = 0.15;    // of copies thinned by 4 and 8 over that of all points; 075
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
@@ -104,21 +103,17 @@ inline constexpr double kSameDirection = 0.99985;                    // the cosi
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
 inline constexpr std::size_t kSpans = 8;                             // spans of levels; 075
-inline constexpr double kWideningOfGaps = 1.3;     // ratio, from the nearest level to the farthest; 075
+inline constexpr double kWideningOfGaps = 1.1;     // ratio, from the nearest level to the farthest; 075
 inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
 
 // Neighbourhoods.
-inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
-inline constexpr int kMinNeighbors = 16;                         // points; quality
-inline constexpr int kMinNeighborsIfCorrelated = 48;             // points; 075
-inline constexpr int kMostOfWhiteNoise = 2 * kMinNeighbors;      // points; of more, noise is taken as shared
-inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
-inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
-inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
-inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
+inline constexpr double kNoiseRadius = 2.5;                  // sigmas; R of (18); quality
+inline constexpr int kMinNeighbors = 16;                     // points; quality
+inline constexpr double kRoominess = 1.15;                   // of R; (18); 052
+inline constexpr double kRoomyNoise[] = {0.5, 0.85};         // spacings; (18); 052
+inline constexpr double kDepthWidening = 3;                  // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 052, 143
-inline constexpr double kFlatNoise[] = {0.2, 0.35};          // spacings; (20); 143
 inline constexpr double kSeparableGap = 1.9;                 // spacings between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of one sheet's points within the gap; sheets
 inline constexpr double kListRadius = 3;                     // sigmas, of lists; quality
@@ -126,9 +121,9 @@ inline constexpr double kListPoints = 11;                    // points, of lists
 
 // Width from place to place.
 inline constexpr double kReachPoints =
-    point::kReachPoints;                    // points; with so many of least risk the reach stays as it is; (23); 102
-inline constexpr double kNoiseOfWidth = 1;  // spacings; from there on the noise alone sets the width; (23); 102
-inline constexpr double kWidestReach = 2;   // of the reach, and its inverse the narrowest; (23); 102
+    point::kReachPoints;                      // points; with so many of least risk the reach stays as it is; (23); 102
+inline constexpr double kNoiseOfWidth = 1.5;  // spacings; from there on the noise alone sets the width; (23); 102
+inline constexpr double kWidestReach = 2;     // of the reach, and its inverse the narrowest; (23); 102
 
 // Weights and normals.
 inline constexpr double kNormalWidth = 1.4, kClosenessWidth = 0.6;  // of R; (3), (4); quality
@@ -146,8 +141,8 @@ inline constexpr int kCreaseAngle = 15;                             // degrees; 
 // The step.
 inline constexpr int kIterations = 2;                   // quality
 inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 082
-inline constexpr double kDamage = 0.4;                  // c of (22); 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 102
+inline constexpr double kDamage = 0.4;                  // c of (22); 082
 inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1, other methods; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
 
@@ -155,7 +150,7 @@ inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise varianc
 inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 156
 
 // Limits.
-inline constexpr double kFarthestMove = 6;              // sigmas; 040
+inline constexpr double kFarthestMove = 10;             // sigmas; 040
 inline constexpr double kFarthestOfNoise[] = {1.5, 4};  // sigmas, of little and of much; other methods; low
 inline constexpr double kFarNoise[] = {0.03, 0.5};      // spacings; other methods; low
 inline constexpr double kOutlierDistance = 6;           // sigmas; outliers

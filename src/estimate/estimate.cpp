@@ -90,12 +90,10 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 // Of the neighbourhoods that are wide against the noise.
 Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
   std::vector<double> sigmas, spacings, gaps;
-  std::size_t confined = 0;
   for (const point::NoiseSample& sample : samples) {
     if (!sample.shows_noise) continue;
     sigmas.push_back(sample.sigma);
     spacings.push_back(sample.spacing);
-    if (!sample.is_wide) ++confined;
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
   if (sigmas.empty()) return {};
@@ -103,12 +101,11 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   // noise.
   const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
-  noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
   if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
     noise.gap = quantile(gaps, kGapQuantile);
   noise.depth_has_steps = depth_has_steps;
-  noise.correlation = depth_has_steps ? 1 : 0;
+  noise.is_shared = depth_has_steps;
   return noise;
 }
 
@@ -116,9 +113,10 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
   noise.surface_points = surface_points(samples);
   if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
-    noise.correlation = correlation(samples);
+    const double correlated = correlation(samples);
+    noise.is_shared = correlated >= kMostlyCorrelated;
     // between two sheets, wide neighbourhoods see the other one and not shape
-    if (noise.gap == 0) noise.shape_to_noise = (1 - noise.correlation) * shape_to_noise(samples);
+    if (noise.gap == 0) noise.shape_to_noise = (1 - correlated) * shape_to_noise(samples);
   }
   if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
 }
@@ -160,8 +158,8 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
   for_each(2, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0)
       result.levels = noise_levels(samples.places, noise.log_levels, for_each);
-    else
-      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise, for_each);
+    else if (!result.noise.depth_has_steps)  // a matcher's windows are wider than any of them
+      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise.surface_points, for_each);
   });
 }
 
@@ -188,7 +186,7 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
     const std::vector<point::ResidualSample> residuals = thinned.residuals();
     const Growth there = residual_growth(residuals);
     const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
-    if (stride < 8 && !(is_small && correlation(residuals) >= kFarCorrelation)) return false;
+    if (stride < 8 && !(is_small && correlation(residuals) >= kMostlyCorrelated)) return false;
     if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
     const double over_spacing = widest_residual(residuals) / noise.surface_spacing;
     if (stride == 2) at_second = over_spacing;
@@ -245,13 +243,6 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
   for (double& level : noise)
     level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
   result.levels = noise_levels(places, noise, for_each);
-}
-
-// Of the different places that the automatic neighbourhoods hold.
-double neighbors_of_places(const Estimate& its, const Repeats& repeats) {
-  const Noise& noise = its.noise;
-  const double spacing = noise.surface_spacing > 0 ? noise.surface_spacing : its.spacing.mean;
-  return double(automatic_min_neighbors(noise, spacing)) * repeats.points / repeats.copies;
 }
 
 // Levels times a factor.
@@ -338,7 +329,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     add_hidden_surface(of_hidden, hidden, sample, for_each);
     return of_hidden;
   }
-  const bool grows = growth > kCorrelatedGrowth[0] && growth < kSmoothGrowth &&
+  const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless &&
                      result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
   if (repeats > 1) growth = kEndless;
@@ -348,9 +339,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     cover_rounding(steps, samples.noise);
     result = {spacing, {}};
     add_noise();
-  } else {
-    result.noise.is_of_copies = found.copies > 1 && neighbors_of_places(result, found) <= kMostOfWhiteNoise;
   }
+  result.noise.is_shared = result.noise.is_shared || repeats > kMostCopies * found.copies;
   return result;
 }
 

@@ -35,21 +35,16 @@ struct Noise {
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
-  // 0 to 1: whether the noise is correlated between neighbouring points, as that of depth cameras; 0 where it is large.
-  double correlation = 0;
-  // Depths take few values, as those of a camera that measures whole disparities; their noise is correlated over some
-  // ten points.
+  // Depths take few values, as those of a camera that measures whole disparities.
   bool depth_has_steps = false;
-  // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
-  // thin or bends too much there.
-  double confined = 0;
   // The number of nearest points that lie in a plane and not along a line, at most samples; 0 where it is not known.
   int surface_points = 0;
   // The number of neighbouring points that make one measurement, being copies or sharing one error. Lengths here are
   // those of a cloud with one point for each measurement.
   int repeats = 1;
-  // Neighbourhoods hold many points for no other reason than copies at one place, as corners of faces that share none.
-  bool is_of_copies = false;
+  // Neighbouring points share their noise, as those of depth cameras do, or several make one measurement that lie at
+  // different places.
+  bool is_shared = false;
   // Share of the samples around which no surface shows, in a cloud that has one somewhere.
   double without_surface = 0;
 };

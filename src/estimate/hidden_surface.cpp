@@ -88,7 +88,6 @@ struct Found {
   std::size_t sample;
   Point at;
   Half half;
-  bool is_exact;
   std::size_t further, further_met;  // points beyond the nearest; those that lie near the plane
 };
 
@@ -101,7 +100,7 @@ std::optional<Found> surface_at(std::size_t sample, const Point* row) {
   const auto met = std::count_if(places.begin() + kNearest, places.end(), [&](const point::Offset& o) {
     return std::abs(dot(o, half.normal)) < kFurtherNoise * kHiddenNoise * size;
   });
-  return Found{sample, row[0], half, half.noise < kExactPlane * size, places.size() - kNearest, std::size_t(met)};
+  return Found{sample, row[0], half, places.size() - kNearest, std::size_t(met)};
 }
 
 // Half of sixteen points lie in a plane by chance here and there, but further ones then do not.
@@ -111,7 +110,8 @@ bool further_points_agree(const std::vector<Found>& found) {
   return double(met) >= kFurtherShare * double(further);
 }
 
-// Whether most planes meet the nearest other place that has one.
+// Whether most planes meet the nearest other place that has one, as those of one surface do. What a scanner saw in one
+// turn lies in a plane, too, however large its noise along the beam is; but the planes of other turns pass it by.
 bool meet_each_other(const std::vector<Found>& found) {
   std::size_t meeting = 0;
   for (const Found& one : found) {
@@ -127,12 +127,6 @@ bool meet_each_other(const std::vector<Found>& found) {
     meeting += height * height < kSameSurface * kSameSurface * squared ? 1 : 0;
   }
   return 2 * meeting > found.size();
-}
-
-// The profiles of a scanner that is driven past are exact planes, but of no surface.
-bool are_profiles(const std::vector<Found>& found) {
-  const auto exact = std::count_if(found.begin(), found.end(), [](const Found& one) { return one.is_exact; });
-  return 2 * std::size_t(exact) > found.size() && !meet_each_other(found);
 }
 
 // Whether the nearest points may hide a surface.
@@ -159,18 +153,12 @@ HiddenSurface find_hidden_surface(std::span<const Point> rows, std::vector<point
   for (const std::optional<Found>& one : at_samples)
     if (one) found.push_back(*one);
   const bool is_chance = found.size() < std::max(kFewestHidden, std::size_t(kHiddenShare * double(looked_at))) ||
-                         !further_points_agree(found) || are_profiles(found);
+                         !further_points_agree(found) || !meet_each_other(found);
   if (is_chance) return {};
-  std::vector<double> noise;
-  for (const Found& one : found) noise.push_back(one.half.noise);
-  const double typical = median(std::move(noise));
   std::vector<bool> on_surface(samples.size());
-  std::size_t nearly = 0;  // as noisy as a surface might be
-  for (std::size_t i = 0; i < samples.size(); ++i) {
+  for (std::size_t i = 0; i < samples.size(); ++i)
     on_surface[i] = (i < looked_at && at_samples[i]) || !is_messy(samples[i]);
-    nearly += on_surface[i] || samples[i].sigma <= kNoSurface * typical ? 1 : 0;
-  }
-  if (2 * nearly > samples.size()) return {};
+  if (2 * std::size_t(std::ranges::count(on_surface, true)) > samples.size()) return {};
   for (const Found& one : found) samples[one.sample].sigma = one.half.noise;
   return {std::move(on_surface), std::move(samples)};
 }

@@ -52,18 +52,18 @@ double log_best_count(const Risks& risks) {
 }  // namespace
 
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               const Noise& typical, const ForEach& for_each) {
+                                               int surface_points, const ForEach& for_each) {
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
   for_each(count, [&](std::size_t i) { risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]); });
   const double farthest = portable::log(kWidestReach),
-               unchanged = portable::log(std::max<double>(kReachPoints, typical.surface_points));
+               unchanged = portable::log(std::max<double>(kReachPoints, surface_points));
   for_each(count, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(samples.pool(i), risks)) - unchanged) / 2;
     const double fading = share_between(0, kNoiseOfWidth, noise[i] / samples.noise[i].spacing);
-    log_levels[i] = (1 - typical.correlation) * (1 - fading) * std::clamp(log_level, -farthest, farthest);
+    log_levels[i] = (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
   for_each(count, [&](std::size_t i) { smooth[i] = median_known(samples.near(i), log_levels); });
   return std::make_shared<const NodeLevels>(levels_between(samples.places, smooth, for_each));

@@ -12,8 +12,8 @@
 namespace pointfair {
 
 // K of Eq. 23: levels of the distance to the kMinNeighbors-th nearest. `noise`: standard deviations at the samples, all
-// of which have residuals; `typical`: that of the cloud. Noise that is fully correlated leaves all levels at 1.
+// of which have residuals; `surface_points`: of the cloud.
 std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               const Noise& typical, const ForEach& for_each);
+                                               int surface_points, const ForEach& for_each);
 
 }  // namespace pointfair

@@ -44,28 +44,13 @@ Growth residual_growth(std::span<const point::ResidualSample> samples) {
   return growth;
 }
 
-namespace {
-
-// How far the noise is correlated, 0 to 1. With the neighbourhood, residuals of shape grow faster and faster, and those
-// of correlated noise ever less. Those that fall again saw another sheet or row before.
-double correlation_of(const Growth& growth) {
+// With the neighbourhood, residuals of shape grow faster and faster, and those of correlated noise ever less. Those
+// that fall again saw another sheet or row before.
+double correlation(std::span<const point::ResidualSample> samples) {
+  const Growth growth = residual_growth(samples);
   return growth.slowing() > 0
              ? share_between(kCorrelatedGrowth, growth.flat) * share_between(kCorrelatedSlowing, growth.slowing())
              : 0;
-}
-
-// Where two sheets are seen by some numbers of points and not by others, residuals grow for that alone.
-std::vector<point::ResidualSample> of_one_sheet(std::span<const point::ResidualSample> samples) {
-  std::vector<point::ResidualSample> result;
-  for (const point::ResidualSample& s : samples)
-    if (!s.sees_sheets) result.push_back(s);
-  return result;
-}
-
-}  // namespace
-
-double correlation(std::span<const point::ResidualSample> samples) {
-  return std::min(correlation_of(residual_growth(samples)), correlation_of(residual_growth(of_one_sheet(samples))));
 }
 
 // Variances of noise stay, those of shape grow fourfold: g^2 = (1 + 4 x) / (1 + x).

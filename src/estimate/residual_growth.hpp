@@ -19,8 +19,7 @@ struct Growth {
 
 Growth residual_growth(std::span<const point::ResidualSample> samples);
 
-// How far the noise is correlated between neighbouring points, 0 to 1, with the samples that see two sheets and without
-// them.
+// How far the noise is correlated between neighbouring points, 0 to 1.
 double correlation(std::span<const point::ResidualSample> samples);
 
 // Of the variances in neighbourhoods of 30 points at a typical place: as Noise::shape_to_noise.

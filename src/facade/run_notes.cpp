@@ -21,7 +21,7 @@ struct Look {
   bool is_noise_given = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
-  int min_neighbors = 0;                          // that the run chose; 0: it was given, or copies alone ask for it
+  bool is_shared = false;                         // the noise, in neighbourhoods that the run chose
 };
 
 std::string written(double value, std::chars_format format, int digits) {
@@ -68,12 +68,10 @@ void add_large(const Look& look, std::vector<std::string>& notes) {
 }
 
 void add_long_wave(const Look& look, std::vector<std::string>& notes) {
-  constexpr int kOfCorrelated = 40;  // neighbours; 48 or 64 are chosen for correlated noise, rows and copies
-  if (look.min_neighbors < kOfCorrelated) return;
-  notes.push_back("neighbourhoods of " + std::to_string(look.min_neighbors) +
-                  " points were chosen, as for long-wave noise, which neighbouring points share, and for rows or "
-                  "copies of points; of shared noise, averaging removes a part only: measure a flat place before and "
-                  "after");
+  if (!look.is_shared) return;
+  notes.push_back(
+      "the noise looks long-wave: neighbouring points share it, or rows or copies of points repeat it; of such noise, "
+      "averaging removes a part only: measure a flat place before and after");
 }
 
 void add_no_surface(const Look& look, std::vector<std::string>& notes) {
@@ -147,9 +145,8 @@ double noise_of(const Params& asked, const Params& used, double estimated) {
   return is_noise_given(asked, used) ? used.noise.value : estimated;
 }
 
-int chosen_min_neighbors(const Params& asked, const Params& used, bool is_of_copies) {
-  return asked.min_neighbors == kAutomatic && !is_of_copies ? used.min_neighbors : 0;
-}
+// A user who gives the neighbourhoods knows what they are for.
+bool tells_of_shared(const Params& asked, bool is_shared) { return asked.min_neighbors == kAutomatic && is_shared; }
 
 void add_mixed_systems(std::span<const NamedSystem> systems, std::vector<std::string>& notes) {
   if (systems.size() < 2) return;
@@ -209,7 +206,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
        .moved = moved,
        .finite = estimates.finite,
        .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
-       .min_neighbors = chosen_min_neighbors(asked, report.params, estimates.is_of_copies)});
+       .is_shared = tells_of_shared(asked, estimates.noise_is_shared)});
 }
 
 std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
@@ -232,7 +229,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .moved = report.displacement,
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
-                .min_neighbors = chosen_min_neighbors(report.asked, report.params, report.is_of_copies)});
+                .is_shared = tells_of_shared(report.asked, report.noise_is_shared)});
   add_mixed_systems(report.systems, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;

@@ -202,7 +202,7 @@ TiledReport TiledRun::report() const {
     if (needed.noise) {
       report.noise = state_->measured().noise.sigma;
       report.without_surface = state_->measured().noise.without_surface;
-      report.is_of_copies = state_->measured().noise.is_of_copies;
+      report.noise_is_shared = state_->measured().noise.is_shared;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);

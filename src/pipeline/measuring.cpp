@@ -68,7 +68,7 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         noise_quantiles(noise().sigma, levels().get()),
                         float_step_of(b, shell.origin),
                         noise().without_surface,
-                        noise().is_of_copies};
+                        noise().is_shared};
 }
 
 // What is believed of the noise, once it was measured.

@@ -73,7 +73,7 @@ Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
   s.fairing.pull_outliers = p.outliers == Outliers::move;
   if (p.outliers == Outliers::keep || p.outliers == Outliers::mark) {
     s.limits.farthest = float(p.displacement_limit.value);
-    s.limits.outlier_distance = std::max(s.limits.farthest, float(p.outlier_distance.value));
+    s.limits.outlier_distance = float(p.outlier_distance.value);
   }
   s.fairing.noise = followed.damage > 0 ? float(p.noise.value) : 0;
   s.fairing.damage = float(followed.damage);

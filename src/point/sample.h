@@ -37,7 +37,6 @@ struct PlaneSample {
 struct ResidualSample {
   double least = -1, narrow = -1, wide = -1, widest = -1;
   PlaneSample planes;
-  bool sees_sheets = false;  // two of them, by the first 30, 60 or 115 points
 };
 
 inline constexpr int kSpacingNeighbors = 6;
@@ -176,9 +175,8 @@ POINTFAIR_INLINE PlaneSample plane_sample(Team team, const FitSpace<kMost>& spac
 // The residuals of looks at 20, 30, 60 and 115 points.
 POINTFAIR_INLINE ResidualSample residual_sample(const Look& least, const Look& narrow, const Look& wide,
                                                 const Look& widest, const PlaneSample& planes) {
-  const bool sees_sheets = narrow.gap > 0 || wide.gap > 0 || widest.gap > 0;
-  if (wide.is_cut) return {-1, -1, -1, -1, planes, sees_sheets};
-  return {least.noise, narrow.noise, wide.noise, widest.is_cut ? -1 : widest.noise, planes, sees_sheets};
+  if (wide.is_cut) return {-1, -1, -1, -1, planes};
+  return {least.noise, narrow.noise, wide.noise, widest.is_cut ? -1 : widest.noise, planes};
 }
 
 }  // namespace pointfair::point
