@@ -21,11 +21,19 @@ Params resolved(const Noise& noise, Method method = Method::bilateral) {
 }
 
 // Noise in spacings of 1.
-Noise noise_of(double sigma) { return {sigma, 1}; }
+Noise noise_of(double sigma, double confined = 0) {
+  Noise noise{sigma, 1};
+  noise.confined = confined;
+  return noise;
+}
 
-TEST(Automatic, radii_grow_with_the_noise) {
-  for (const double sigma : {0.3, 0.6, 1.2, 2.4})
-    EXPECT_GT(resolved(noise_of(2 * sigma)).radius.value, resolved(noise_of(sigma)).radius.value) << sigma;
+TEST(Automatic, radii_grow_with_the_noise_and_are_smaller_where_shapes_are_thin) {
+  for (const double sigma : {0.3, 0.6, 1.2, 2.4}) {
+    const double radius = resolved(noise_of(sigma)).radius.value;
+    EXPECT_GT(resolved(noise_of(2 * sigma)).radius.value, radius) << sigma;
+    EXPECT_LT(resolved(noise_of(sigma, 1)).radius.value, radius) << sigma;
+    EXPECT_LT(resolved(noise_of(sigma, 1)).min_neighbors, resolved(noise_of(sigma)).min_neighbors) << sigma;
+  }
 }
 
 TEST(Automatic, radii_follow_the_shape_where_normals_are_filtered_only_and_no_second_sheet_is_near) {

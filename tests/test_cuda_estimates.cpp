@@ -27,7 +27,7 @@ Bits bits_of(const Estimate& found) {
   Bits bits;
   const Noise& noise = found.noise;
   for (const double value : {found.spacing.mean, found.spacing.rho, noise.sigma, noise.surface_spacing,
-                             noise.shape_to_noise, noise.gap, double(noise.is_shared)})
+                             noise.shape_to_noise, noise.gap, double(noise.is_shared), noise.confined})
     bits.push_back(std::bit_cast<std::uint64_t>(value));
   return bits;
 }

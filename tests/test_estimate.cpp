@@ -134,6 +134,19 @@ TEST(Noise, of_one_sheet_has_no_gap) {
   }
 }
 
+TEST(Noise, tells_room_for_wide_neighbourhoods_from_none) {
+  for (const double sigma : {0.007, 0.01, 0.02, 0.03}) {  // 10,000 points on a unit square: spacings of 0.01
+    const Noise plane = measured_noise(shapes::with_noise(shapes::plane(10000), sigma));
+    EXPECT_LT(plane.confined, 0.01) << sigma;
+  }
+  Points strewn = shapes::with_noise(shapes::plane(10000), 0.01);
+  for (std::size_t i = 0; i < strewn.size(); i += 100) strewn[i].z += i % 200 == 0 ? 0.2f : -0.2f;
+  EXPECT_LT(measured_noise(strewn).confined, 0.02) << "outliers are no shape";
+  // a neighbourhood of 4 noise sigmas: no neighbourhood of one side is wide
+  const Noise small = measured_noise(shapes::with_noise(shapes::sphere(4000), 0.25));
+  EXPECT_GT(small.confined, 0.2);
+}
+
 TEST(Noise, of_a_clean_sphere_is_next_to_none) { EXPECT_LT(measured_noise(shapes::sphere(20000)).sigma, 0.0025); }
 
 TEST(Noise, of_clouds_without_a_surface_is_none) {

@@ -108,11 +108,12 @@ inline constexpr double kStepsOfGap = 3;           // steps; points on two or th
 inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
 
 // Neighbourhoods.
-inline constexpr double kNoiseRadius = 2.5;                  // sigmas; R of (18); quality
-inline constexpr int kMinNeighbors = 16;                     // points; quality
-inline constexpr double kRoominess = 1.15;                   // of R; (18); 052
-inline constexpr double kRoomyNoise[] = {0.5, 0.85};         // spacings; (18); 052
-inline constexpr double kDepthWidening = 3;                  // of R: a matcher's windows are nine pixels wide; 075
+inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
+inline constexpr int kMinNeighbors = 16;                         // points; quality
+inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
+inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
+inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
+inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 052, 143
 inline constexpr double kSeparableGap = 1.9;                 // spacings between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of one sheet's points within the gap; sheets

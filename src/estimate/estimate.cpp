@@ -90,10 +90,12 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 // Of the neighbourhoods that are wide against the noise.
 Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
   std::vector<double> sigmas, spacings, gaps;
+  std::size_t confined = 0;
   for (const point::NoiseSample& sample : samples) {
     if (!sample.shows_noise) continue;
     sigmas.push_back(sample.sigma);
     spacings.push_back(sample.spacing);
+    if (!sample.is_wide) ++confined;
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
   if (sigmas.empty()) return {};
@@ -101,6 +103,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   // noise.
   const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
+  noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
   if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
     noise.gap = quantile(gaps, kGapQuantile);

@@ -37,6 +37,9 @@ struct Noise {
   double gap = 0;
   // Depths take few values, as those of a camera that measures whole disparities.
   bool depth_has_steps = false;
+  // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too
+  // thin or bends too much there.
+  double confined = 0;
   // The number of nearest points that lie in a plane and not along a line, at most samples; 0 where it is not known.
   int surface_points = 0;
   // The number of neighbouring points that make one measurement, being copies or sharing one error. Lengths here are

@@ -191,12 +191,12 @@ namespace {
 // as doubles, then the levels of the noise and those of the reach.
 template <class Visit>
 void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, const Visit& visit) {
-  auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, surface_points, repeats, is_shared,
+  auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
          without_surface] = m.noise;
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
   visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
-            surface_spacing, shape_to_noise, gap, depth_has_steps, surface_points, repeats, is_shared, without_surface,
-            m.ignored, m.beam_width);
+            surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
+            without_surface, m.ignored, m.beam_width);
   for (Point* p :
        {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first})
     visit_all(p->x, p->y, p->z);
