@@ -17,7 +17,7 @@ import families
 import objects
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent / "build/training"
-JUDGES = ("judge.py", "measure.py", "cases.py", "case_clouds.py", "tables.py", "store.py")   # these change no cloud
+JUDGES = ("judge.py", "measure.py", "cases.py", "case_clouds.py", "tables.py", "store.py", "switches.py")   # these change no cloud
 PROGRAM_SECONDS = 300
 
 
