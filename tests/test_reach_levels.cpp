@@ -127,7 +127,7 @@ TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {
 
 // At the border of the plane the spacing seems larger, and the noise smaller against it.
 TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
-  const Outcome outcome(shapes::with_noise(shapes::plane(kPoints), 2.5 * kSpacing));
+  const Outcome outcome(shapes::with_noise(shapes::plane(kPoints), 2.25 * kSpacing));
   ASSERT_TRUE(outcome.levels);
   for (const float x : {0.2f, 0.5f, 0.8f})
     for (const float y : {0.2f, 0.5f, 0.8f}) EXPECT_NEAR(level_at(outcome, {x, y, 0}), 1, 0.02);

@@ -28,6 +28,7 @@ from measure import Subject
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 FOLDER = ROOT / "build/training/switches"
+CONSTANTS = "src/estimate/constants.hpp"
 VARIABLE = "POINTFAIR_SWITCHES"                   # read by that program alone
 OFF, NEVER = 0, 1e9
 WORTH = .01                                       # of the logarithm: families that change by less are not named
@@ -65,10 +66,12 @@ def adjustable(text: str) -> str:
         parts = [part.split("=", 1) for part in names]
         if any(name.strip() in FIXED for name, _ in parts):
             return line.group(0)
-        return " ".join(f'inline const {kind} {name.strip()} = {kind}(switched("{name.strip()}", double({value.strip()})));' for name, value in parts)
+        return " ".join(f'inline const {kind} {name} = {kind}(switched("{name}", double({value})));'
+                        for name, value in ((name.strip(), value.strip()) for name, value in parts))
 
     def pair(line: re.Match) -> str:
-        values = ", ".join(f'switched("{line.group(1)}{k}", {value.strip()})' for k, value in enumerate(line.group(2).split(",")))
+        values = ", ".join(f'switched("{line.group(1)}{k}", {value.strip()})'
+                           for k, value in enumerate(line.group(2).split(",")))
         return f"inline const double {line.group(1)}[] = {{{values}}};"
 
     text = re.sub(NUMBER + r"\s*(k\w+\s*=\s*[^;{}]*);", declared, text)
@@ -76,12 +79,34 @@ def adjustable(text: str) -> str:
     return text.replace("#pragma once\n", "#pragma once\n" + READER, 1)
 
 
+def names() -> set[str]:
+    """Of the numbers that can be changed."""
+    return set(re.findall(r'switched\("(k\w+)"', adjustable((ROOT / CONSTANTS).read_text())))
+
+
+def numbers_of(words: str) -> dict[str, float]:
+    """Of NAME=VALUE[,NAME=VALUE..]; ValueError says what is wrong."""
+    numbers = {name: float(value) for name, _, value in (word.partition("=") for word in words.split(","))}
+    for name in numbers:
+        if name not in names():
+            raise ValueError(f"{name} is no number of {CONSTANTS} that can be changed")
+    return numbers
+
+
+def wanted_switches(only: str | None) -> dict[str, dict]:
+    chosen = only.split(",") if only else list(SWITCHES)
+    for name in chosen:
+        if name not in SWITCHES:
+            raise ValueError(f"{name} is no switch: choose from {', '.join(SWITCHES)}")
+    return {name: SWITCHES[name] for name in chosen}
+
+
 def build(jobs: int) -> pathlib.Path:
     """The program; compiles what changed."""
     listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, check=True, text=True).stdout.split("\0")
     for name in filter(None, listed):
         source, copy = ROOT / name, FOLDER / "source" / name
-        wanted = adjustable(source.read_text()).encode() if name == "src/estimate/constants.hpp" else source.read_bytes()
+        wanted = adjustable(source.read_text()).encode() if name == CONSTANTS else source.read_bytes()
         if not copy.exists() or copy.read_bytes() != wanted:
             copy.parent.mkdir(parents=True, exist_ok=True)
             copy.write_bytes(wanted)
@@ -135,9 +160,10 @@ def main() -> None:
     parser.add_argument("--try", dest="tried", action="append", metavar="NAME=VALUE,..", help="numbers in place of the switches")
     args = parser.parse_args()
     seed = secrets.randbelow(1_000_000_000) if args.seed is None else args.seed
-    switches = {name: SWITCHES[name] for name in args.only.split(",")} if args.only else SWITCHES
-    if args.tried:
-        switches = {words: {n: float(v) for n, v in (word.split("=") for word in words.split(","))} for words in args.tried}
+    try:
+        switches = {words: numbers_of(words) for words in args.tried} if args.tried else wanted_switches(args.only)
+    except ValueError as why:
+        parser.error(str(why))
     program = build(args.jobs)
     print(f"seed {seed}, program {os.path.relpath(program)}", flush=True)
     tasks = [(family, seed + k, program, switches) for k in range(args.clouds) for family in families.FAMILIES]

@@ -23,6 +23,7 @@ import families
 import object_families
 import rays
 import shapes
+import switches
 import tables
 from measure import Truth, agreement
 from scene import Scene
@@ -174,6 +175,19 @@ class Measures(unittest.TestCase):
     def test_errors_far_below_the_spacing_count_as_equal(self):
         row = {"before": {"spacing": 1.0}, "a": {"mean": 1e-9}, "b": {"mean": 1e-6}}
         self.assertEqual(tables.ratio(row, "a", "b"), 1)
+
+
+class Switches(unittest.TestCase):
+    def test_each_is_of_numbers_that_are_there(self):
+        self.assertEqual({name for numbers in switches.SWITCHES.values() for name in numbers} - switches.names(), set())
+
+    def test_wrong_words_are_told(self):
+        self.assertEqual(switches.numbers_of("kDamage=.5,kFlatPercent0=100"), {"kDamage": .5, "kFlatPercent0": 100})
+        for words, told in (("kNone=1", "kNone is no number"), ("kDamage", "could not convert")):
+            with self.assertRaisesRegex(ValueError, told):
+                switches.numbers_of(words)
+        with self.assertRaisesRegex(ValueError, "none is no switch: choose from repeats"):
+            switches.wanted_switches("none")
 
 
 @unittest.skipUnless(torch, "no torch")

@@ -67,7 +67,7 @@ inline constexpr double kOwnGrowth = 1.05;                   // ratio of median 
 inline constexpr double kShapeVarianceGrowth = 4;            // ratio of variances of shape: a quadric's; 082
 inline constexpr double kCorrelatedGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
 inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
-inline constexpr double kMostlyCorrelated = 0.9;             // of 1; 075
+inline constexpr double kMostlyCorrelated = 0.9;             // correlation, 0 to 1; from there on noise is shared; 075
 inline constexpr double kMostFarNoise = 0.45;  // spacings, of these copies and of all points; more is shape; 075
 inline constexpr double kLeastSlowing = 0.25;  // the next growth over one; less is a relief of one wavelength; 075
 inline constexpr double kMostOfSecond = 0.83;  // residual over spacing, of every eighth point over every second; 075
@@ -144,7 +144,7 @@ inline constexpr int kIterations = 2;                   // quality
 inline constexpr double kTrustedNoise = 0.01;           // spacings; half of a step is made there; 082
 inline constexpr double kWidthDamage = 1.5;             // by two iterations and the filter of normals; (23); 102
 inline constexpr double kDamage = 0.4;                  // c of (22); 082
-inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1, other methods; 082
+inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) below 1, F of (20), other methods; 082
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
 
 // Outliers that a sensor saw.
