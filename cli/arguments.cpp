@@ -120,7 +120,7 @@ void add_viewpoint(CLI::App& command, std::string& viewpoint) {
       .add_option(
           "--viewpoint", viewpoint,
           "where the sensor stood, in file coordinates; or the attributes that hold it for each point; or none; "
-          "default: from a PCD, E57 or PTX file")
+          "default: from a PCD, E57 or PTX file, else by the distances between points, to mark mixed pixels")
       ->type_name("X,Y,Z|NAMES")
       ->group(kInputGroup);
 }

@@ -189,7 +189,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     for (const std::string& far_away : notes_on_viewpoints(
              arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin, pipeline.estimates(stop)))
       findings.notes.push_back(far_away);
-    const std::string by_grid = arguments.viewpoint.empty() ? grid_viewpoint_note(cloud) : "";
+    const bool is_unknown = arguments.viewpoint.empty() && !pipeline.report().found_sensor;
+    const std::string by_grid = is_unknown ? grid_viewpoint_note(cloud) : "";
     if (!by_grid.empty()) findings.notes.push_back(by_grid);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
     if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())

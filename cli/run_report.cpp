@@ -183,6 +183,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(point_counts(report, findings))},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
           {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", mesh_json(report.mesh)},

@@ -124,6 +124,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"float_step", report.float_step},
           {"unmoved", unmoved_json(point_counts(report))},
           {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
           {"removed", point_counts(report).removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"mesh", nullptr},

@@ -155,6 +155,26 @@ TEST(ManyEstimates, of_steps_of_depth_are_made_of_the_cloud_alone) {
   shapes::expect_bits_of_single_runs(many, single, clouds, {}, "");
 }
 
+// The twelfth neighbours that its place asks for are not taken of many clouds at once, and kernels of many know none.
+TEST(ManyEstimates, that_one_sensor_saw_are_computed_alone) {
+  shapes::Clouds clouds;
+  clouds.add(500, 1, 0);
+  for (int y = -30; y < 30; ++y)
+    for (int x = -30; x < 30; ++x) {
+      const double depth = (x < 0 ? 1.0 : x == 0 ? 1.5 : 2.0) + 0.002 * ((x * 7 + y * 13) % 5);
+      clouds.points.push_back(shapes::make_point(0.01 * x * depth, 0.01 * y * depth, depth));
+    }
+  clouds.offsets.push_back(clouds.points.size());
+  clouds.add(600, 1, 0);
+  Pipeline many = PipelineAccess::make(std::make_unique<OneByOne>(), {Device::cpu, "one by one", ""}),
+           single(Device::cpu);
+  shapes::expect_bits_of_single_runs(many, single, clouds, {}, "");
+  single.load(std::span(clouds.points).subspan(500, 3600));
+  std::vector<Point> out(3600);
+  single.run({}, out);
+  EXPECT_TRUE(single.report().found_sensor.has_value());
+}
+
 TEST(ManyEstimates, stop_when_asked) {
   const shapes::Clouds clouds = shapes::clouds_with_estimates();
   Pipeline many = PipelineAccess::make(std::make_unique<OneByOne>(), {Device::cpu, "one by one", ""});

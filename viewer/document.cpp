@@ -187,7 +187,7 @@ std::string Document::viewpoint() const { return facts_.path.empty() ? std::stri
 // In the pipeline and in those of the preview.
 void Document::place_sensor() {
   std::vector<Position> viewpoints = parse_viewpoints(viewpoint(), cloud_);
-  pipeline_->set_viewpoint(viewpoints);
+  if (!viewpoint().empty()) pipeline_->set_viewpoint(viewpoints);  // else the load took what the file says
   notes_ = notes_on_viewpoints(viewpoints, cloud_.origin, facts_.estimates);
   for (Position& viewpoint : viewpoints)
     for (std::size_t axis = 0; axis < 3; ++axis) viewpoint[axis] -= cloud_.origin[axis];

@@ -66,10 +66,12 @@ class POINTFAIR_EXPORT Pipeline {
   void set_noise(std::span<const float> sigmas);
 
   /// Gives the place where the sensor stood that saw the loaded cloud, in the file's coordinates: one position for all
-  /// points, or one for each in upload order; an empty span: unknown. A position that is not finite is unknown. A load
-  /// of a Cloud takes what its file says (file_viewpoints). Holds until the next load. Points between two surfaces
-  /// along the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be Along::ray. Throws
-  /// ErrorKind::usage for another number of positions. O(positions), and 12 bytes for each.
+  /// points, or one for each in upload order; an empty span: none, and none is looked for. A position that is not
+  /// finite is unknown. A load of a Cloud takes what its file says (file_viewpoints). Holds until the next load. Points
+  /// between two surfaces along the ray are then outliers (OutlierCounts::mixed_pixels), and Params::along can be
+  /// Along::ray. Without this call, a run that measures the noise looks for the place in the distances between points
+  /// (Report::found_sensor), for mixed pixels alone. Throws ErrorKind::usage for another number of positions.
+  /// O(positions), and 12 bytes for each.
   void set_viewpoint(std::span<const std::array<double, 3>> positions);
 
   /// Gives the faces of the loaded cloud for Connectivity::mesh; no faces: none are known. A load of a Cloud takes

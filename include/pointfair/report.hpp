@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,7 @@ struct OutlierCounts {
   std::uint64_t isolated = 0;      ///< too few neighbours within reach
   std::uint64_t off_surface = 0;   ///< farther than the outlier distance from the surface that the neighbours show
   std::uint64_t mixed_pixels = 0;  ///< between two surfaces along the ray; only where the sensor's place is known
+                                   ///< or found
   std::uint64_t total() const { return isolated + off_surface + mixed_pixels; }
   friend bool operator==(const OutlierCounts&, const OutlierCounts&) = default;
 };
@@ -98,6 +100,10 @@ struct Report {
   std::uint64_t tiles = 1;
   double total_milliseconds = 0;                             ///< from array to array
   std::uint64_t peak_host_bytes = 0, peak_device_bytes = 0;  ///< of the pipeline, without the caller's arrays
+  /// Where the sensor stood by the distances between points (docs/how-it-works.md, "Where the sensor stood"), in the
+  /// coordinates of the loaded cloud's file, or of its points where it has none. Nothing where no place was looked for,
+  /// found or taken, as where one was given.
+  std::optional<std::array<double, 3>> found_sensor{};
 };
 
 }  // namespace pointfair

@@ -82,7 +82,8 @@ struct TiledReport {
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates
-  std::optional<Position> sensor;           ///< the one place of the sensor that the run took
+  std::optional<Position> sensor;           ///< the one place of the sensor that was given, or that all files say
+  std::optional<Position> found_sensor;     ///< as in Report
   double float_step = 0;                    ///< as in Estimates; in zones, the largest step in one
   OutlierAction outlier_action;             ///< as asked for
   OutlierOutcome outcome;                   ///< what it came to

@@ -100,6 +100,13 @@ void ArrayPipeline::set_viewpoint(const std::string& text) {
   pipeline_.set_viewpoint(parse_viewpoints(text, before_));
 }
 
+Report ArrayPipeline::report() const {
+  Report report = pipeline_.report();
+  if (kind_ == Kind::doubles && !before_.source && report.found_sensor)  // the pipeline got points around an origin
+    for (std::size_t axis = 0; axis < 3; ++axis) (*report.found_sensor)[axis] += before_.origin[axis];
+  return report;
+}
+
 void ArrayPipeline::require_cloud() const {
   if (kind_ == Kind::nothing) throw Error(ErrorKind::usage, "the pipeline holds no cloud: call load first");
 }

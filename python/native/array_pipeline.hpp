@@ -59,6 +59,7 @@ class ArrayPipeline {
   double stored_float_step(const Estimates& estimates) const;
   const Position& origin() const { return before_.origin; }
   Pipeline& pipeline() { return pipeline_; }
+  Report report() const;  // of the last run, places in the coordinates that were loaded
 
  private:
   void hold(Kind kind, std::size_t points, ScalarType type = ScalarType::float32);

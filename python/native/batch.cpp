@@ -171,7 +171,7 @@ void denoise_batch(Pipeline& pipeline, Device device, std::span<const Scalar> co
           const auto count = static_cast<std::size_t>(3 * offsets[cloud + 1]) - begin;
           arrays.load(coordinates.subspan(begin, count), false);
           arrays.run(params, {}, out.subspan(begin, count), {watch.stop, {}});
-          if (!reports.empty()) reports[cloud] = arrays.pipeline().report();
+          if (!reports.empty()) reports[cloud] = arrays.report();
           if (is_first && watch.progress) watch.progress(double(cloud) / double(clouds), "batch");
         };
   });

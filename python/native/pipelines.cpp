@@ -173,7 +173,7 @@ std::vector<std::string> notes(SharedPipeline& self, const Params& asked, const 
   self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) {
     Pipeline& pipeline = arrays.pipeline();
     const Estimates& found = pipeline.estimates(watch.stop);
-    result = notes_on_run(asked, found, pipeline.report(), {moves[0], moves[1], moves[2], moves[3]},
+    result = notes_on_run(asked, found, arrays.report(), {moves[0], moves[1], moves[2], moves[3]},
                           arrays.stored_float_step(found));
   });
   return result;
@@ -305,7 +305,7 @@ Row as_tuple(const Report& report) {
                      unmoved.boundary),
       report.short_neighborhoods, stages, mesh_row(report.mesh),
       nb::make_tuple(report.solver.iterations, report.solver.residual), report.tiles, report.total_milliseconds,
-      report.peak_host_bytes, report.peak_device_bytes);
+      report.peak_host_bytes, report.peak_device_bytes, report.found_sensor);
 }
 
 void bind_pipelines(nb::module_& module) {
@@ -337,7 +337,7 @@ void bind_pipelines(nb::module_& module) {
       .def("set_viewpoint_text", &set_viewpoint_text, nb::arg("text"))
       .def("set_weights", &set_weights, nb::arg("file"), nb::arg("name"))
       .def("outliers", &outliers)
-      .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().report()); })
+      .def("report", [](SharedPipeline& self) { return as_tuple(self.arrays().report()); })
       .def("device", [](SharedPipeline& self) { return as_tuple(self.arrays().pipeline().device()); })
       .def_prop_ro("holds", [](SharedPipeline& self) { return name_of(self.arrays().kind()); })
       .def_prop_ro("points", [](SharedPipeline& self) { return self.arrays().points(); });

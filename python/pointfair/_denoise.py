@@ -65,7 +65,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
         viewpoint: where the sensor stood, in the coordinates of the points: (3,), or (N, 3) with a position for each
             point; (0, 0, 0) in a camera's own coordinates. Points between two surfaces along the ray are then outliers,
             normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
-            "vx,vy,vz", or "none"; by default what its file says.
+            "vx,vy,vz", or "none"; by default what its file says. Without it, a run that measures the noise looks for the
+            place in the distances between points, for mixed pixels alone; (nan, nan, nan): none is looked for.
         faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
             Cloud has those of its file.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.

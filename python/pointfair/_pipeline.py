@@ -230,8 +230,10 @@ class Pipeline(Generic[Points]):
 
     def set_viewpoint(self, viewpoint: Any) -> None:
         """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
-        position for each point; None: unknown. With a Cloud also the names of three attributes, "vx,vy,vz", or "none".
-        Holds until the next load; a load of a Cloud takes what its file says. A position that is not finite is unknown.
+        position for each point; None: none, and none is looked for. With a Cloud also the names of three attributes,
+        "vx,vy,vz", or "none". Holds until the next load; a load of a Cloud takes what its file says. A position that is
+        not finite is unknown. Without this call, a run that measures the noise looks for the place in the distances between
+        points (Report.found_sensor), for mixed pixels alone.
 
         Examples:
             >>> rng = np.random.default_rng(1)

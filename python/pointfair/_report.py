@@ -72,7 +72,7 @@ class Outliers:
     off_surface: int
     """Farther than the outlier distance from the surface that the neighbours show."""
     mixed_pixels: int
-    """Between two surfaces along the ray; only where the place of the sensor is known."""
+    """Between two surfaces along the ray; only where the place of the sensor is known or found."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -172,6 +172,9 @@ class Report:
     """Largest host memory of the pipeline, without the caller's arrays."""
     peak_device_bytes: int
     """Largest memory on the card."""
+    found_sensor: tuple[float, float, float] | None
+    """Where the sensor stood by the distances between points, as the run took it to look for mixed pixels; None where a place
+    was given, or none was looked for or found."""
     noise: float = dataclasses.field(default=float("nan"))
     """Estimated on the input; nan: not asked for."""
     spacing: float = dataclasses.field(default=float("nan"))
@@ -194,4 +197,4 @@ def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons), boundary)
     return Report(device_of(device), points, Params._of(params), kept, short,
                   tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None,
-                  Solver(*solver) if solver[0] else None, *rest, **more)
+                  Solver(*solver) if solver[0] else None, *rest[:-1], tuple(rest[-1]) if rest[-1] else None, **more)

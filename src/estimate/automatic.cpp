@@ -268,7 +268,9 @@ Resolved resolve(const Params& asked, Estimate found, double diagonal) {
   if (!needed.estimates.spacing) found.spacing = {};
   if (!needed.estimates.noise) found.noise = {};
   Resolved result{Resolver(asked, found.spacing, found.noise, needed.diagonal ? diagonal : 0).resolved(), {}};
-  if (needed.estimates.noise) result.followed = followed_noise(asked, result.params, std::move(found));
+  if (!needed.estimates.noise) return result;
+  result.sensor = found.sensor;
+  result.followed = followed_noise(asked, result.params, std::move(found));
   return result;
 }
 

@@ -32,6 +32,7 @@ Needed needed_by(const Params& asked);
 struct Resolved {
   Params params;
   FollowedNoise followed;
+  KnownSensor sensor{};  // found with the noise; a place that is given goes before it
 };
 // Reads what needed_by() names and no more, so that a result does not depend on what else was measured.
 Resolved resolve(const Params& asked, Estimate found, double diagonal);

@@ -148,7 +148,10 @@ inline constexpr double kHarmlessNoise[] = {0.2, 0.6};  // spacings; c of (22) b
 inline constexpr double kShapeDamage = 3, kUnseenShape = 0.01;  // noise variances; other methods; 082
 
 // Outliers that a sensor saw.
-inline constexpr double kStepSpread = 1.1;  // of the spread of distances, by chance; 156
+inline constexpr double kStepSpread = 1.1;        // of the spread of distances, by chance; 156
+inline constexpr double kPlaceSpread = 0.6;       // the same, from a place that nobody gave; 156
+inline constexpr double kMostStepSpread = 0.693;  // of logarithms of steps from there: a factor of 2; 156
+inline constexpr int kPlaceRounds = 8;            // of its search; 156
 
 // Limits.
 inline constexpr double kFarthestMove = 10;             // sigmas; 040

@@ -302,10 +302,12 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   Spacing spacing;
   Repeats found;
   StepsInHeads in_heads;
-  for_each(3, [&](std::size_t which) {  // at the same time, since each has serial parts
+  KnownSensor sensor;
+  for_each(4, [&](std::size_t which) {  // at the same time, since each has serial parts
     if (which == 0) found = repeats_among(nearest, for_each);
     if (which == 1) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
     if (which == 2) spacing = spacing_of(samples.spacing);
+    if (which == 3) sensor = find_sensor(nearest, sample);
   });
   int repeats = found.points;
   const auto thinned_samples = [&] {
@@ -344,6 +346,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     add_noise();
   }
   result.noise.is_shared = result.noise.is_shared || repeats > kMostCopies * found.copies;
+  if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;
 }
 

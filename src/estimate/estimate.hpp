@@ -6,6 +6,7 @@
 #include <memory>
 #include <stop_token>
 
+#include "estimate/sensor.hpp"
 #include "seam/sampling.hpp"
 #include "seam/settings.hpp"
 
@@ -67,6 +68,7 @@ struct Estimate {
   Noise noise;
   std::shared_ptr<const NoiseLevels> levels{};       // of the noise; null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings; null: 1 everywhere
+  KnownSensor sensor{};                              // found with the noise
 };
 // The estimates that are wanted, made at points of the cloud's sample; the others are zero. Needs the index of the
 // first iteration. Throws Error(interrupted) once `stop` is triggered.

@@ -74,7 +74,7 @@ void Pipeline::load(const Cloud& cloud) {
     state_->shell = {};
     state_->load(cloud.points);
     state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
-    state_->set_viewpoint(viewpoints);
+    if (!viewpoints.empty()) state_->set_viewpoint(viewpoints);
     state_->find_zones(cloud);
     state_->wide_viewpoints = viewpoints;
   });

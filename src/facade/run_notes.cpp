@@ -5,12 +5,14 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
 
 #include "io/source.hpp"
 #include "platform/path_text.hpp"
+#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -101,6 +103,17 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
   notes.push_back("the sensor stood " + whole(farthest / diagonal) +
                   " diagonals outside the bounds of the cloud, so its place may be in another unit or coordinate "
                   "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
+}
+
+// Points that kept their place because of where the sensor seems to have stood.
+void add_found_sensor(const std::optional<Position>& place, std::uint64_t mixed_pixels, double diagonal,
+                      std::vector<std::string>& notes) {
+  if (!place || mixed_pixels == 0 || !(diagonal > 0)) return;
+  const int decimals = std::clamp(2 - portable::decimal_exponent(diagonal), 0, 12);  // it is known to some percent
+  const auto text = [&](std::size_t axis) { return written((*place)[axis], std::chars_format::fixed, decimals); };
+  notes.push_back("the distances between points show a sensor near " + text(0) + "," + text(1) + "," + text(2) +
+                  ", which tells points between two surfaces (mixed pixels); --viewpoint x,y,z gives its place, "
+                  "--viewpoint none gives none");
 }
 
 // Of points among which there is nothing to see, so that all else would be said of nothing. Whether it was so.
@@ -196,17 +209,19 @@ std::vector<std::string> notes_on_cloud(const Estimates& estimates, double store
 
 std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates, const Report& report,
                                       const Displacement& moved, double stored_step) {
-  return notes_on(
-      {.spacing = estimates.spacing,
-       .noise = noise_of(asked, report.params, estimates.noise),
-       .diagonal = estimates.diagonal,
-       .float_step = estimates.float_step,
-       .stored_step = stored_step,
-       .is_noise_given = is_noise_given(asked, report.params),
-       .moved = moved,
-       .finite = estimates.finite,
-       .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
-       .is_shared = tells_of_shared(asked, estimates.noise_is_shared)});
+  std::vector<std::string> notes =
+      notes_on({.spacing = estimates.spacing,
+                .noise = noise_of(asked, report.params, estimates.noise),
+                .diagonal = estimates.diagonal,
+                .float_step = estimates.float_step,
+                .stored_step = stored_step,
+                .is_noise_given = is_noise_given(asked, report.params),
+                .moved = moved,
+                .finite = estimates.finite,
+                .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
+                .is_shared = tells_of_shared(asked, estimates.noise_is_shared)});
+  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);
+  return notes;
 }
 
 std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,
@@ -231,6 +246,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
                 .is_shared = tells_of_shared(report.asked, report.noise_is_shared)});
   add_mixed_systems(report.systems, notes);
+  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, report.diagonal, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;
 }

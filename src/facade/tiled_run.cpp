@@ -197,6 +197,7 @@ TiledReport TiledRun::report() const {
     report.max = {origin[0] + bounds.max.x, origin[1] + bounds.max.y, origin[2] + bounds.max.z};
     report.diagonal = diagonal_of(bounds);
     report.sensor = folder.plan.sensor;
+    if (!report.sensor) report.found_sensor = one_sensor(state_->settings(), origin);
     const WantedEstimates needed = needed_by(folder.plan.params).estimates;
     if (needed.spacing) report.spacing = state_->measured().spacing.mean;
     if (needed.noise) {

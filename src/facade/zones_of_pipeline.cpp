@@ -35,7 +35,8 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
   const auto start = Clock::now();
   wide_run.reset();
   shown_.reset();
-  scale::WideResult found = wide->run({params, sensor_of(wide_viewpoints), given_noise_}, stop, progress);
+  scale::WideResult found =
+      wide->run({params, sensor_of(wide_viewpoints), seeks_sensor_, given_noise_}, stop, progress);
   Cloud result = io::placed(shell, std::move(found.positions));
   outliers = std::move(found.outliers);
   if (!outliers.empty()) result.added.push_back(outlier_marks(result, outliers));
@@ -48,6 +49,7 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
   report.unmoved.outliers_by_reason = found.outlier_counts;
   report.short_neighborhoods = found.counts.short_neighborhoods;
   report.tiles = found.tiles;
+  report.found_sensor = found.found_sensor;
   report.total_milliseconds = milliseconds_since(start);
   report.stages = {{"zones", report.total_milliseconds}};
   wide_run = params;
@@ -56,7 +58,7 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
 
 void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
   if (estimates) return;
-  const scale::Measured found = wide->measure({{}, {}, given_noise_}, stop);
+  const scale::Measured found = wide->measure({{}, {}, false, given_noise_}, stop);
   const Bounds& b = found.bounds;
   estimates = Estimates{{b.min.x, b.min.y, b.min.z},
                         {b.max.x, b.max.y, b.max.z},

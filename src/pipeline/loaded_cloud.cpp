@@ -31,6 +31,7 @@ void LoadedCloud::forget() {
   noise.reset();
   levels.reset();
   reach_levels.reset();
+  sensor = {};
 }
 
 // After a failed load, so that nothing runs on half of a cloud.

@@ -62,6 +62,7 @@ class LoadedCloud {
   std::optional<Noise> noise;
   std::shared_ptr<const NoiseLevels> levels;       // with the noise, as the next; null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels;  // of NeighborSettings
+  KnownSensor sensor;                              // found with the noise
 
  private:
   void forget();

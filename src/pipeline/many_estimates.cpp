@@ -138,7 +138,9 @@ class Measuring {
     const Resolved used = pointfair::resolve(params_, std::move(found), diagonal_of(cloud.sample.bounds));
     Settings settings = settings_of(used);
     // radii of clouds that run together follow the levels of the noise; those that are given do not
-    cloud.is_alone = cloud.is_alone || (settings.neighbors.levels && !settings.neighbors.radius_follows);
+    // and points of one cloud have no sensor of their own
+    cloud.is_alone =
+        cloud.is_alone || settings.fairing.sensors || (settings.neighbors.levels && !settings.neighbors.radius_follows);
     static_cast<Settings&>(cloud.settings) = std::move(settings);
     cloud.iterations = used.params.iterations;
   }

@@ -41,7 +41,12 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
   look_at_neighbors(order, stop, [&](Sampling& sampling) {
     const Estimate found = estimate(sampling, *cloud.sample, wanted, stop);
     if (wanted.spacing) cloud.spacing = found.spacing;
-    if (wanted.noise) cloud.noise = found.noise, cloud.levels = found.levels, cloud.reach_levels = found.reach_levels;
+    if (wanted.noise) {
+      cloud.noise = found.noise;
+      cloud.levels = found.levels;
+      cloud.reach_levels = found.reach_levels;
+      cloud.sensor = found.sensor;
+    }
   });
 }
 
@@ -139,7 +144,8 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   measure(needed.estimates, order_for(params), stop);
   Estimate found;
   if (needed.estimates.spacing) found.spacing = *cloud.spacing;
-  if (needed.estimates.noise) found = {found.spacing, noise(), levels(), cloud.reach_levels};
+  if (needed.estimates.noise)
+    found = {found.spacing, noise(), levels(), cloud.reach_levels, seeks_sensor_ ? cloud.sensor : KnownSensor{}};
   Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
   return used;
 }
@@ -175,6 +181,7 @@ void Pipeline::State::set_viewpoint(std::span<const Origin> places) {
     any_known = any_known || is_indexed(its.places.back());
   }
   beam_samples_.reset();
+  seeks_sensor_ = false;
   sensors_ = any_known ? std::make_shared<const SensorPlaces>(std::move(its)) : nullptr;
 }
 

@@ -35,6 +35,7 @@ void Pipeline::State::start_load(const std::function<void()>& load) {
   frame_.reset();
   given_noise_.reset();
   sensors_.reset();
+  seeks_sensor_ = true;
   faces_.reset();
   mesh_.reset();
   beam_samples_.reset();
@@ -158,6 +159,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
             upload + milliseconds_since(start),
             costs.peak_host_bytes,
             costs.peak_device_bytes};
+  if (!sensors_) report.found_sensor = one_sensor(settings, shell.origin);
   if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
   report.unmoved.outliers = outlier_counts.total();
   report.unmoved.outliers_by_reason = outlier_counts;

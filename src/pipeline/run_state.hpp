@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "estimate/automatic.hpp"
-#include "estimate/beam_width.hpp"
 #include "estimate/given_noise.hpp"
+#include "estimate/sensor.hpp"
 #include "mesh/loaded_mesh.hpp"
 #include "pipeline/loaded_cloud.hpp"
 #include "pipeline/stage_log.hpp"
@@ -150,7 +150,8 @@ struct Pipeline::State {
   std::optional<GivenNoise> given_noise_;                // of the loaded cloud, in place of what is measured
   std::optional<Polygons> faces_;                        // of the loaded cloud, in place of its file's
   std::shared_ptr<const LoadedMesh> mesh_;               // of those, once it is needed
-  std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud; null: unknown
+  std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud, as it was given; null: unknown
+  bool seeks_sensor_ = true;                             // by the distances between points
   std::optional<std::vector<BeamSample>> beam_samples_;  // of those, once they are measured
   std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like

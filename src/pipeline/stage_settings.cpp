@@ -37,8 +37,16 @@ bool seeks_mixed_pixels(const Params& p) {
          (sums_within_radius(p) || (p.k != 1 && !p.constraint && p.radius.is_automatic()));
 }
 
-Settings settings_of(const Resolved& used, const KnownSensor& sensor) {
+std::optional<Position> one_sensor(const Settings& settings, const Position& origin) {
+  if (!settings.fairing.sensors) return std::nullopt;
+  const Point& place = settings.fairing.sensors->places.front();
+  return Position{origin[0] + place.x, origin[1] + place.y, origin[2] + place.z};
+}
+
+Settings settings_of(const Resolved& used, const KnownSensor& given) {
   const Params& p = used.params;
+  const bool takes_found = !given.places && sums_within_radius(p) && seeks_mixed_pixels(p);
+  const KnownSensor& sensor = takes_found ? used.sensor : given;
   const FollowedNoise& followed = used.followed;
   Settings s;
   s.neighbors.k = follows_rings(p) ? kMaxNeighbors : p.k;

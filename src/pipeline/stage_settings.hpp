@@ -2,22 +2,22 @@
 // What each stage reads of the parameters, so that a change tells which of them must run again.
 #pragma once
 
-#include <memory>
+#include <optional>
 
 #include "estimate/automatic.hpp"
+#include "estimate/sensor.hpp"
 #include "pointfair/params.hpp"
+#include "pointfair/positions.hpp"
 #include "seam/backend.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
 
-// What is known of the sensor, where a run reads it.
-struct KnownSensor {
-  std::shared_ptr<const SensorPlaces> places;  // null: nothing
-  double beam_width = 0;                       // of the pattern of rays, in radians; 0: not measured
-};
+// `given`: the sensor whose place a user or the file says, before the one that was found.
+Settings settings_of(const Resolved& used, const KnownSensor& given = {});
 
-Settings settings_of(const Resolved& used, const KnownSensor& sensor = {});
+// The place of the one sensor that a run reads; nothing where it reads none.
+std::optional<Position> one_sensor(const Settings& settings, const Position& origin);
 
 // Whether a run looks for mixed pixels, if it knows the place of the sensor: where outliers are looked for and the two
 // nearest neighbours are known.

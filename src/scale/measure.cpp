@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
-#include "estimate/beam_width.hpp"
+#include "estimate/sensor.hpp"
 #include "scale/candidates.hpp"
 #include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
@@ -168,6 +168,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.counts()[kIgnored];
   const WantedEstimates wanted = needed_by(plan.params).estimates;
+  measured.sensor.places = sensor_of(plan, plan.origin);
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);
@@ -179,9 +180,10 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
     measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
     measured.levels = given ? given->levels : found.levels;
     measured.reach_levels = found.reach_levels;
+    if (plan.seeks_sensor) measured.sensor = found.sensor;
   }
   if (may_seek && seeks_mixed_pixels(resolve(plan, measured).params))
-    measured.beam_width = beam_width(beam_samples(sampling, sample, *sensor_of(plan, plan.origin)));
+    measured.sensor.beam_width = beam_width(beam_samples(sampling, sample, *measured.sensor.places));
   return measured;
 }
 
@@ -190,15 +192,15 @@ namespace {
 // Calls visit(number) for all that is measured but the levels themselves, whose files have the numbers in this order,
 // as doubles, then the levels of the noise and those of the reach.
 template <class Visit>
-void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, const Visit& visit) {
+void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, Point& sensor, const Visit& visit) {
   auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
          without_surface] = m.noise;
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
   visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
             surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-            without_surface, m.ignored, m.beam_width);
+            without_surface, m.ignored, m.sensor.beam_width);
   for (Point* p :
-       {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first})
+       {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first, &sensor})
     visit_all(p->x, p->y, p->z);
   for (double& quantile : levels.quantiles) visit(quantile);
   for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) visit_all(its->nodes, its->nodes_per_unit);
@@ -207,11 +209,13 @@ void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, c
 }  // namespace
 
 void save(const Measured& measured, const std::filesystem::path& path) {
+  constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
   Measured m = measured;
   NoiseLevels levels = m.levels ? *m.levels : NoiseLevels{};
   NodeLevels reach_levels = m.reach_levels ? *m.reach_levels : NodeLevels{};
+  Point sensor = m.sensor.places ? m.sensor.places->places.front() : Point{kNaN, kNaN, kNaN};
   std::vector<double> numbers;
-  visit_numbers(m, levels, reach_levels, [&](const auto& number) { numbers.push_back(double(number)); });
+  visit_numbers(m, levels, reach_levels, sensor, [&](const auto& number) { numbers.push_back(double(number)); });
   NewFile file(path,
                numbers.size() * sizeof(double) + (levels.levels.size() + reach_levels.levels.size()) * sizeof(float));
   file.write(std::span(numbers));
@@ -230,7 +234,8 @@ Measured load_measured(const std::filesystem::path& path) {
   Measured m;
   NoiseLevels levels;
   NodeLevels reach_levels;
-  visit_numbers(m, levels, reach_levels, [&](auto& number) {
+  Point sensor;
+  visit_numbers(m, levels, reach_levels, sensor, [&](auto& number) {
     double value = 0;
     read(std::span(&value, 1));
     number = static_cast<std::remove_reference_t<decltype(number)>>(value);
@@ -240,14 +245,16 @@ Measured load_measured(const std::filesystem::path& path) {
     read(std::span(its->levels));
   }
   if (levels.nodes > 0) m.levels = std::make_shared<NoiseLevels>(std::move(levels));
+  if (is_indexed(sensor)) m.sensor.places = std::make_shared<const SensorPlaces>(SensorPlaces{{sensor}});
   if (reach_levels.nodes > 0) m.reach_levels = std::make_shared<NodeLevels>(std::move(reach_levels));
   return m;
 }
 
 RunSettings resolve(const Plan& plan, const Measured& measured) {
-  const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels};
+  const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels,
+                       plan.sensor ? KnownSensor{} : measured.sensor};
   const Resolved used = pointfair::resolve(plan.params, found, diagonal_of(measured.bounds));
-  return {used.params, settings_of(used, {sensor_of(plan, measured.origin), measured.beam_width})};
+  return {used.params, settings_of(used, plan.sensor ? measured.sensor : KnownSensor{})};
 }
 
 }  // namespace pointfair::scale

@@ -25,7 +25,7 @@ struct Measured {
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
   std::uint64_t ignored = 0;                         ///< finite points that were left out
-  double beam_width = 0;                             ///< as in KnownSensor
+  KnownSensor sensor{};                              ///< of the place that the plan says, or found
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise,

@@ -157,6 +157,12 @@ std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::sh
   return sensor;
 }
 
+bool says_sensor(const Source& source) {
+  for (std::size_t block = 0; block < source.block_count(); ++block)
+    if (source.sensor(block)) return true;
+  return false;
+}
+
 // Why the sensor of the job is not one that tiles can take; empty if it is.
 std::string why_not_this_sensor(const TiledJob& job, const std::optional<Position>& sensor) {
   if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
@@ -340,6 +346,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     add_chunks(*source, plan);
   }
   plan.sensor = sensor_of(job, sources);
+  plan.seeks_sensor =
+      job.viewpoint.empty() && std::ranges::none_of(sources, [](const auto& source) { return says_sensor(*source); });
   refuse_if(why_not_this_sensor(job, plan.sensor));
   plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });

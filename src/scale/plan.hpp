@@ -42,6 +42,7 @@ struct Plan {
   std::string noise_attribute;
   std::string viewpoint;           ///< as asked for
   std::optional<Position> sensor;  ///< what that says, in the coordinates of the files
+  bool seeks_sensor = false;       ///< nothing says one, so that the distances between points may
   OutlierAction outlier_action;
   WriteOptions write;
   std::uint64_t memory = 0;

@@ -73,6 +73,7 @@ void read_line(const std::string& line, Plan& plan) {
   }
   if (key == "noise") plan.noise_attribute = rest();
   if (key == "viewpoint") plan.viewpoint = rest();
+  if (key == "seeks_sensor") plan.seeks_sensor = true;
   if (key == "sensor")
     for (double& c : plan.sensor.emplace()) c = parse_number(in);
   if (key == "file") {
@@ -114,6 +115,7 @@ std::string text_of(const Plan& plan) {
     out << "outliers " << int(action.kind) << " " << (action.value ? int(*action.value) : -1) << "\n";
   if (!plan.noise_attribute.empty()) out << "noise " << plan.noise_attribute << "\n";
   if (!plan.viewpoint.empty()) out << "viewpoint " << plan.viewpoint << "\n";
+  if (plan.seeks_sensor) out << "seeks_sensor\n";
   if (plan.sensor) {
     out << "sensor";
     for (const double c : *plan.sensor) out << " " << text_of(c);

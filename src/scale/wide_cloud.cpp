@@ -43,6 +43,7 @@ std::unique_ptr<Tasks> WideCloud::tasks_of(const WideJob& job, const MemoryFolde
   Plan plan;
   plan.params = job.params;
   plan.sensor = job.sensor;
+  plan.seeks_sensor = job.seeks_sensor;
   plan.memory = HostMemory{.free = platform::free_memory()}.usable();
   plan.points = source_->size();
   plan.iterations = iterations_of(job.params);
@@ -88,6 +89,7 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
               result.positions.begin() + std::ptrdiff_t(source_->block_begin(block)));
   });
   result.counts = tasks->counts();
+  if (!job.sensor) result.found_sensor = one_sensor(tasks->settings(), tasks->measured().origin);
   result.outlier_counts = moved.held_back();
   result.tiles = tasks->folder().plan.tiles;
   return result;

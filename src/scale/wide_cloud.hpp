@@ -20,6 +20,7 @@ namespace pointfair::scale {
 struct WideJob {
   Params params;  ///< lengths in file units or relative
   std::optional<Position> sensor;
+  bool seeks_sensor = false;  ///< as in Plan
   std::optional<GivenNoise> noise;
 };
 
@@ -29,6 +30,7 @@ struct WideResult {
   Params params;                       ///< as used
   Counts counts;
   OutlierCounts outlier_counts;
+  std::optional<Position> found_sensor;  ///< as in Report
   std::uint64_t tiles = 1;
 };
 

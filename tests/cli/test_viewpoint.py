@@ -110,9 +110,30 @@ class Viewpoint(Case):
 
     def test_the_grid_of_a_scanner_that_turns_asks_for_it(self):
         turned = self.organised("turned.pcd", self.points)
-        self.assertIn("--viewpoint x,y,z finds points between two surfaces", self.ok("run", turned, self.path("a.pcd")).stderr.decode())
+        note = "--viewpoint x,y,z finds points between two surfaces"
+        self.assertIn(note, self.ok("run", turned, self.path("a.pcd"), "--k", 12).stderr.decode())
         self.assertNotIn("--viewpoint", self.ok("run", turned, self.path("b.pcd"), "--viewpoint", self.at).stderr.decode())
-        self.assertNotIn("--viewpoint", self.ok("run", self.cloud, self.path("c.ply")).stderr.decode())
+        self.assertNotIn(note, self.ok("run", self.cloud, self.path("c.ply")).stderr.decode())
+        self.assertNotIn(note, self.ok("run", turned, self.path("d.pcd")).stderr.decode())
+
+    def test_the_distances_between_points_tell_it(self):
+        def run(out, *words):
+            return self.report("run", self.cloud, self.path(out), "--outliers", "mark", *words)
+        found = run("found.ply")
+        marks = [row["outlier"] for row in read_ply(self.path("found.ply"))]
+        mixed = sum(mark == 3 for mark, mixed in zip(marks, self.mixed) if mixed)
+        self.assertGreater(mixed, 0.9 * sum(self.mixed))
+        self.assertLess(marks.count(3) - mixed, 0.002 * len(marks))
+        self.assertLess(math.dist(found["found_sensor"], SENSOR), 1)
+        said = re.search("show a sensor near ([-0-9.,]+), which", self.ok("run", self.cloud, self.path("a.ply")).stderr.decode())
+        self.assertLess(math.dist(map(float, said[1].split(",")), found["found_sensor"]), 0.02)
+        cut = run("cut.ply", "--tiles", 3)
+        self.assertEqual(self.path("cut.ply").read_bytes(), self.path("found.ply").read_bytes())
+        self.assertEqual((cut["found_sensor"], cut["outliers"]), (found["found_sensor"], found["outliers"]))
+        for words in (["--viewpoint", "none"], ["--viewpoint", self.at], ["--viewpoint", "none", "--tiles", 3]):
+            report = run("other.ply", *words, "--force")
+            self.assertIsNone(report["found_sensor"])
+            self.assertEqual(report["outliers"]["mixed_pixels"] > 0, "none" not in words)
 
     def test_a_pcd_file_tells_it(self):
         def pcd(name, viewpoint):
@@ -124,7 +145,7 @@ class Viewpoint(Case):
 
         told, silent = pcd("told.pcd", self.at.replace(",", " ")), pcd("silent.pcd", "0 0 0")
         self.assertGreater(self.report("run", told, self.path("a.pcd"))["outliers"]["mixed_pixels"], 0)
-        self.assertEqual(self.report("run", silent, self.path("b.pcd"))["outliers"]["mixed_pixels"], 0)
+        self.assertEqual(self.report("run", silent, self.path("b.pcd"), "--viewpoint", "none")["outliers"]["mixed_pixels"], 0)
         self.assertEqual(self.report("run", told, self.path("c.pcd"), "--viewpoint", "none")["outliers"]["mixed_pixels"], 0)
         in_tiles = self.report("run", told, self.path("e.pcd"), "--tiles", 3)
         self.assertGreater(in_tiles["outliers"]["mixed_pixels"], 0)

@@ -170,6 +170,18 @@ def depth_image(width=48, height=36, seed=11):
     return points
 
 
+def two_walls(width=60, height=50, sigma=0.001, seed=12):
+    """The image of a camera at the origin; a pixel in each row lies between the walls."""
+    random = Random(seed)
+    points = []
+    for row in range(height):
+        for column in range(width):
+            depth = 1.0 if 2 * column < width else 1.2 + 0.6 * abs(random()) if 2 * column == width else 2.0
+            depth += sigma * random.bell()
+            points.append([0.01 * (column - width / 2) * depth, 0.01 * (row - height / 2) * depth, depth])
+    return points
+
+
 def windows(n=8000, window=8, seed=13):
     """A plane whose noise is the mean over windows of eight cells, four spacings, as of a camera that matches them."""
     random, cells = Random(seed), int(2 * math.sqrt(n))
@@ -256,6 +268,7 @@ CLOUDS = {
     "sweep.pcd": lambda: organised(sweep(), 120),
     "profiles.ply": lambda: ply(profiles()),
     "depth_image.pcd": lambda: organised(depth_image(), 48),
+    "two_walls.ply": lambda: ply(two_walls()),
     "windows.ply": lambda: ply(windows()),
     "grid.ply": lambda: ply(grid()),
     "rounded.ply": lambda: ply(rounded(sphere(n=2000), 0.01)),
