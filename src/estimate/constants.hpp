@@ -152,6 +152,9 @@ inline constexpr double kStepSpread = 1.1;        // of the spread of distances,
 inline constexpr double kPlaceSpread = 0.6;       // the same, from a place that nobody gave; 156
 inline constexpr double kMostStepSpread = 0.693;  // of logarithms of steps from there: a factor of 2; 156
 inline constexpr int kPlaceRounds = 8;            // of its search; 156
+inline constexpr std::size_t kGlancedAt = 128;    // samples that tell whether a whole search is worth it; 156
+inline constexpr int kGlanceRounds = 4;           // of theirs; 156
+inline constexpr double kGlanceSpread = 0.8;      // the same as kPlaceSpread; 156
 
 // Limits.
 inline constexpr double kFarthestMove = 10;             // sigmas; 040

@@ -78,7 +78,7 @@ std::optional<Vec> least_squares(std::span<const Vec> rows, std::span<const doub
   return (1 / determinant) * (right.x * cross(b, c) + right.y * cross(c, a) + right.z * cross(a, b));
 }
 
-// Points around their middle, in units of their extent, and the logarithm of the distance to the second neighbour in
+// Samples around their middle, in units of their extent, and the logarithm of the distance to the second neighbour in
 // units of the median.
 struct Distances {
   Vec middle{};
@@ -87,20 +87,28 @@ struct Distances {
   std::vector<double> logs{};
 };
 
-Distances distances_of(std::span<const Point> points, std::span<const double> seconds) {
+// Of the first samples; nothing where too few lie apart.
+std::optional<Distances> distances_of(const NearestRows& nearest, const CloudSample& sample, std::size_t samples) {
+  constexpr std::size_t kHead = kStepNeighbors + 1, kFewest = 100;
   Distances result;
-  const double typical = seconds.empty() ? 0 : median({seconds.begin(), seconds.end()});
-  const double share = 1 / double(points.size());
-  for (const Point& p : points) result.middle = result.middle + share * Vec{p.x, p.y, p.z};
-  for (const Point& p : points) {
-    const Vec from_middle = Vec{p.x, p.y, p.z} - result.middle;
-    result.extent += share * dot(from_middle, from_middle);
-    result.places.push_back(from_middle);
+  for (std::size_t i = 0; i < samples; ++i) {
+    const double second = distance(nearest.heads()[i * kHead], nearest.heads()[i * kHead + kSecond]);
+    if (!(second > 0)) continue;  // points at one place, and NaN
+    const Point& p = sample.points[i];
+    result.places.push_back({p.x, p.y, p.z});
+    result.logs.push_back(second);
+  }
+  if (result.logs.size() < kFewest) return std::nullopt;
+  const double share = 1 / double(result.logs.size()), typical = median(result.logs);
+  for (const Vec& place : result.places) result.middle = result.middle + share * place;
+  for (Vec& place : result.places) {
+    place = place - result.middle;
+    result.extent += share * dot(place, place);
   }
   result.extent = std::sqrt(result.extent);
   for (Vec& place : result.places) place = (1 / result.extent) * place;
-  for (const double second : seconds) result.logs.push_back(portable::log(second / typical));
-  return result;
+  for (double& second : result.logs) second = portable::log(second / typical);
+  return result.extent > 0 ? std::optional(std::move(result)) : std::nullopt;
 }
 
 // Two extents from the middle, to where the distances get shorter.
@@ -152,6 +160,22 @@ std::optional<Vec> better_place(const Vec& place, const Distances& seen) {
   return place + (length > longest ? longest / length : 1.0) * *step;
 }
 
+struct Explanation {
+  Vec place{};
+  double spread = 0;  // of the logarithms of distance over range
+};
+
+// The place that explains the distances best, if it leaves no more than this share of their spread.
+std::optional<Explanation> explanation(const std::optional<Distances>& seen, int rounds, double most) {
+  if (!seen) return std::nullopt;
+  std::optional<Vec> place = first_place(*seen);
+  for (int round = 0; round < rounds && place; ++round) place = better_place(*place, *seen);
+  if (!place) return std::nullopt;
+  const double left = spread_of_logs(residuals_from(*place, *seen).logs);
+  if (!(left <= most * spread_of_logs(seen->logs))) return std::nullopt;
+  return Explanation{*place, left};
+}
+
 }  // namespace
 
 std::vector<BeamSample> beam_samples(Sampling& from, const CloudSample& sample, const SensorPlaces& sensors) {
@@ -173,27 +197,16 @@ double beam_width(std::span<const BeamSample> samples) {
 }
 
 KnownSensor find_sensor(const NearestRows& nearest, const CloudSample& sample) {
-  constexpr std::size_t kHead = kStepNeighbors + 1, kFewest = 100;
-  std::vector<Point> points;
-  std::vector<double> seconds;
-  for (std::size_t i = 0; i < nearest.looked_at(); ++i) {
-    const double second = distance(nearest.heads()[i * kHead], nearest.heads()[i * kHead + kSecond]);
-    if (!(second > 0)) continue;  // points at one place, and NaN
-    points.push_back(sample.points[i]);
-    seconds.push_back(second);
-  }
-  if (points.size() < kFewest) return {};
-  const Distances seen = distances_of(points, seconds);
-  if (!(seen.extent > 0)) return {};
-  std::optional<Vec> place = first_place(seen);
-  for (int round = 0; round < kPlaceRounds && place; ++round) place = better_place(*place, seen);
-  if (!place) return {};
-  const double left = spread_of_logs(residuals_from(*place, seen).logs);
-  if (!(left <= kMostStepSpread && left <= kPlaceSpread * spread_of_logs(seen.logs))) return {};
-  const Vec found = seen.middle + seen.extent * *place;
-  const Point there{float(found.x), float(found.y), float(found.z)};
-  const auto its = std::make_shared<const SensorPlaces>(SensorPlaces{{there}});
-  const KnownSensor sensor{its, beam_width(samples_of(nearest.of(nearest.looked_at(), kTwelfth), sample, *its))};
+  const std::size_t samples = nearest.looked_at();
+  if (!explanation(distances_of(nearest, sample, std::min(samples, kGlancedAt)), kGlanceRounds, kGlanceSpread))
+    return {};
+  const std::optional<Distances> seen = distances_of(nearest, sample, samples);
+  const std::optional<Explanation> found = explanation(seen, kPlaceRounds, kPlaceSpread);
+  if (!found || !(found->spread <= kMostStepSpread)) return {};
+  const Vec place = seen->middle + seen->extent * found->place;
+  const auto its =
+      std::make_shared<const SensorPlaces>(SensorPlaces{{{float(place.x), float(place.y), float(place.z)}}});
+  const KnownSensor sensor{its, beam_width(samples_of(nearest.of(samples, kTwelfth), sample, *its))};
   return sensor.beam_width > 0 ? sensor : KnownSensor{};
 }
 
