@@ -12,7 +12,6 @@
 
 #include "io/source.hpp"
 #include "platform/path_text.hpp"
-#include "portable.hpp"
 
 namespace pointfair {
 namespace {
@@ -109,7 +108,8 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
 void add_found_sensor(const std::optional<Position>& place, std::uint64_t mixed_pixels, double diagonal,
                       std::vector<std::string>& notes) {
   if (!place || mixed_pixels == 0 || !(diagonal > 0)) return;
-  const int decimals = std::clamp(2 - portable::decimal_exponent(diagonal), 0, 12);  // it is known to some percent
+  int decimals = 0;  // it is known to some percent
+  for (double hundredth = diagonal / 100; hundredth < 1 && decimals < 12; hundredth *= 10) ++decimals;
   const auto text = [&](std::size_t axis) { return written((*place)[axis], std::chars_format::fixed, decimals); };
   notes.push_back("the distances between points show a sensor near " + text(0) + "," + text(1) + "," + text(2) +
                   ", which tells points between two surfaces (mixed pixels); --viewpoint x,y,z gives its place, "
