@@ -192,10 +192,10 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
-    device, points, params, unmoved, short, stages, mesh, solver, *rest, found_sensor = row
+    device, points, params, unmoved, short, stages, mesh, solver, tiles, milliseconds, host_bytes, device_bytes, place = row
     non_finite, too_few_neighbors, no_normal, outliers, reasons, boundary = unmoved
     kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons), boundary)
     return Report(device_of(device), points, Params._of(params), kept, short,
                   tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None,
-                  Solver(*solver) if solver[0] else None, *rest,
-                  found_sensor=tuple(found_sensor) if found_sensor else None, **more)
+                  Solver(*solver) if solver[0] else None, tiles, milliseconds, host_bytes, device_bytes,
+                  tuple(place) if place else None, **more)
