@@ -89,6 +89,31 @@ def test_a_cloud_knows_where_its_sensor_stood():
         pf.denoise(xyz, along="ray")
 
 
+def two_walls():
+    """The image of a camera at the origin of coordinates; a pixel in each of 60 rows lies between the walls."""
+    rng = np.random.default_rng(4)
+    column, row = np.meshgrid(np.arange(80), np.arange(60))
+    depth = np.where(column < 40, 1.0, np.where(column == 40, rng.uniform(1.2, 1.8, column.shape), 2.0)) + rng.normal(0, .001, column.shape)
+    return np.stack([(column - 40) * .01 * depth, (row - 30) * .01 * depth, depth], -1).reshape(-1, 3)
+
+
+def test_distances_between_points_tell_where_the_sensor_stood():
+    walls, far = two_walls(), np.array([500000.0, 5.4e6, 100.0])
+    for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far)):
+        report = pf.denoise(points, return_report=True)[1]
+        assert np.linalg.norm(report.found_sensor - np.asarray(origin)) < 0.7
+        assert report.unmoved.outliers_by_reason.mixed_pixels == 60
+        for place in ((0, 0, 0) + np.asarray(origin), (np.nan, np.nan, np.nan)):
+            told = pf.denoise(points, viewpoint=place, return_report=True)[1]
+            assert told.found_sensor is None and (told.unmoved.outliers_by_reason.mixed_pixels == 60) == np.isfinite(place[0])
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(walls)
+    assert pipeline.run() is not None and pipeline.report().found_sensor is not None
+    assert any("show a sensor near" in note for note in pipeline.notes())
+    pipeline.set_viewpoint(None)
+    assert pipeline.run() is not None and pipeline.report().found_sensor is None
+
+
 def test_outliers_are_marked():
     xyz = waves()
     xyz[::100, 2] += 0.5
