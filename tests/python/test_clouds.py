@@ -108,10 +108,10 @@ def test_distances_between_points_tell_where_the_sensor_stood():
             assert told.found_sensor is None and (told.unmoved.outliers_by_reason.mixed_pixels == 60) == np.isfinite(place[0])
     pipeline = pf.Pipeline("cpu")
     pipeline.load(walls)
-    assert pipeline.run() is not None and pipeline.report().found_sensor is not None
+    assert pipeline.run() is not None and pipeline.report.found_sensor is not None
     assert any("show a sensor near" in note for note in pipeline.notes())
     pipeline.set_viewpoint(None)
-    assert pipeline.run() is not None and pipeline.report().found_sensor is None
+    assert pipeline.run() is not None and pipeline.report.found_sensor is None
 
 
 def test_outliers_are_marked():
