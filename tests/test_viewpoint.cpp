@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "backend_runs.h"
+#include "board_scan.h"
 #include "pointfair/pointfair.hpp"
 #include "reference.h"
 #include "runs.h"
@@ -20,67 +21,6 @@ namespace {
 
 using reference::Vec, reference::dot, reference::length, reference::to_vec;
 using shapes::Points;
-
-constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
-constexpr double kStep = 0.004, kNoise = 0.002;  // radians, metres
-constexpr Position kSensor{0.5, -1.0, 0.25};
-
-// A board 3 m from the sensor, before a wall at 3.3 m, on a grid of rays; every other ray at the board's border ends
-// somewhere between. Columns turn about the vertical.
-struct Scan {
-  Points points{};
-  std::vector<Position> rays{};  // unit
-  std::vector<double> range{};   // to the surface
-  std::vector<std::uint8_t> is_mixed{};
-  int columns = 0;
-};
-
-Scan scan(double noise = kNoise) {
-  constexpr int kHalf = 90, kBoard = 40;  // rays
-  Scan result{.columns = 2 * kHalf + 1};
-  shapes::Random random(3);
-  for (int row = -kHalf; row <= kHalf; ++row)
-    for (int column = -kHalf; column <= kHalf; ++column) {
-      const double a = column * kStep, e = row * kStep;
-      const Position ray{std::cos(e) * std::sin(a), std::cos(e) * std::cos(a), std::sin(e)};
-      const bool on_board = std::abs(row) <= kBoard && std::abs(column) <= kBoard;
-      const bool on_border = std::max(std::abs(row), std::abs(column)) == kBoard + 1;
-      const double board = 3 / ray[1], wall = 3.3 / ray[1];
-      const bool mixed = on_border && (row + column) % 2 == 0;
-      const double range = mixed ? board + random.uniform(0.1, 0.9) * (wall - board) : on_board ? board : wall;
-      const double told = range + noise * random.normal();
-      result.points.push_back(
-          shapes::make_point(kSensor[0] + told * ray[0], kSensor[1] + told * ray[1], kSensor[2] + told * ray[2]));
-      result.rays.push_back(ray);
-      result.range.push_back(on_board ? board : wall);
-      result.is_mixed.push_back(mixed);
-    }
-  return result;
-}
-
-Ran run(const Points& points, std::span<const Position> viewpoint, const Params& params = {}) {
-  return Ran(points, params, 0, viewpoint);
-}
-
-// With no place, and none sought.
-const std::vector<Position>& nowhere() {
-  static const std::vector<Position> place{Position{kNan, kNan, kNan}};
-  return place;
-}
-
-Params marking() { return {.outliers = Outliers::mark}; }
-
-struct Shares {
-  double found = 0, wrong = 0;  // of the mixed pixels, of the others
-};
-Shares shares(const Scan& scan, const std::vector<std::uint8_t>& marks) {
-  double found = 0, mixed = 0, wrong = 0;
-  for (std::size_t i = 0; i < marks.size(); ++i) {
-    mixed += scan.is_mixed[i];
-    (scan.is_mixed[i] != 0 ? found : wrong) += marks[i] != 0;
-  }
-  return {found / mixed, wrong / (double(marks.size()) - mixed)};
-}
 
 TEST(Viewpoint, shows_mixed_pixels) {
   const Scan cloud = scan();
@@ -222,59 +162,6 @@ TEST(Viewpoint, is_forgotten_by_the_next_load) {
   pipeline.load(cloud.points);
   pipeline.run({}, out);
   EXPECT_TRUE(pipeline.report().found_sensor.has_value());
-}
-
-TEST(FoundSensor, shows_the_mixed_pixels_that_its_true_place_shows) {
-  const Scan cloud = scan();
-  const Ran told = run(cloud.points, {&kSensor, 1}, marking());
-  EXPECT_FALSE(told.report.found_sensor.has_value());
-  const Ran found = run(cloud.points, {}, marking());
-  const Shares its = shares(cloud, found.outliers);
-  EXPECT_GT(its.found, 0.8);
-  EXPECT_LT(its.wrong, 0.001);
-  ASSERT_TRUE(found.report.found_sensor.has_value());
-  const Position place = *found.report.found_sensor;
-  EXPECT_LT(length(Vec{place[0] - kSensor[0], place[1] - kSensor[1], place[2] - kSensor[2]}), 0.3 * 3.0);
-}
-
-TEST(FoundSensor, depends_on_the_set_of_points_alone) {
-  const Scan cloud = scan();
-  const std::vector<std::uint32_t> order = shapes::shuffle_order(cloud.points.size(), 9);
-  const Ran in_order = run(cloud.points, {}), shuffled = Ran(shapes::permuted(cloud.points, order), {}, 3);
-  EXPECT_EQ(difference(shapes::permuted(in_order.points, order), shuffled.points), "");
-  EXPECT_EQ(in_order.report.found_sensor, shuffled.report.found_sensor);
-  const Ran moved = run(shapes::shifted(cloud.points, {64, -32, 16}), {});
-  EXPECT_EQ(moved.report.unmoved.outliers_by_reason.mixed_pixels > 100, true);
-}
-
-// What was measured for another run changes no result: typed lengths look for no sensor.
-TEST(FoundSensor, is_taken_only_where_the_noise_is_measured) {
-  const Scan cloud = scan();
-  Params typed{.k = 12};
-  Pipeline pipeline = loaded(cloud.points);
-  Points first(cloud.points.size()), again(first.size());
-  pipeline.run(typed, first);
-  EXPECT_FALSE(pipeline.report().found_sensor.has_value());
-  pipeline.run({}, again);
-  EXPECT_TRUE(pipeline.report().found_sensor.has_value());
-  pipeline.run(typed, again);
-  EXPECT_FALSE(pipeline.report().found_sensor.has_value());
-  EXPECT_EQ(difference(first, again), "");
-}
-
-// From two places that see one scene, and by no sensor at all: even, uneven, of steps, few.
-TEST(FoundSensor, is_none_where_no_one_place_explains_the_distances) {
-  Points two = scan().points;
-  for (const Point& p : scan().points) two.push_back({p.x, 6.3f - p.y, p.z});  // a sensor behind the wall
-  const std::pair<const char*, Points> clouds[] = {{"two sensors", std::move(two)},
-                                                   {"plane", shapes::with_noise(shapes::plane(20000), 0.002)},
-                                                   {"sphere", shapes::with_noise(shapes::sphere(20000), 0.01)},
-                                                   {"cube", shapes::with_noise(shapes::cube(20000), 0.004)},
-                                                   {"waves", shapes::with_noise(shapes::waves(20000), 0.002)},
-                                                   {"sheets", shapes::two_sheets(10000, 0.05)},
-                                                   {"grid", shapes::grid(100)},
-                                                   {"few", shapes::with_noise(shapes::sphere(60), 0.01)}};
-  for (const auto& [name, points] : clouds) EXPECT_FALSE(run(points, {}).report.found_sensor.has_value()) << name;
 }
 
 double angle(const Point& p, const Point& q) {
