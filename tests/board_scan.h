@@ -2,6 +2,7 @@
 // A scan of a board before a wall by one sensor, with mixed pixels between them.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
