@@ -39,22 +39,24 @@ TEST(FoundSensor, depends_on_the_set_of_points_alone) {
   EXPECT_EQ(difference(shapes::permuted(in_order.points, order), shuffled.points), "");
   EXPECT_EQ(in_order.report.found_sensor, shuffled.report.found_sensor);
   const Ran moved = run(shapes::shifted(cloud.points, {64, -32, 16}), {});
-  EXPECT_EQ(moved.report.unmoved.outliers_by_reason.mixed_pixels > 100, true);
+  EXPECT_GT(moved.report.unmoved.outliers_by_reason.mixed_pixels, 100u);
 }
 
-// What was measured for another run changes no result: typed lengths look for no sensor.
-TEST(FoundSensor, is_taken_only_where_the_noise_is_measured) {
+// What was measured for another run changes no result: neither lists nor typed lengths look for a sensor.
+TEST(FoundSensor, is_taken_only_where_a_run_within_a_radius_measures_the_noise) {
   const Scan cloud = scan();
-  Params typed{.k = 12};
-  Pipeline pipeline = loaded(cloud.points);
-  Points first(cloud.points.size()), again(first.size());
-  pipeline.run(typed, first);
-  EXPECT_FALSE(pipeline.report().found_sensor.has_value());
-  pipeline.run({}, again);
-  EXPECT_TRUE(pipeline.report().found_sensor.has_value());
-  pipeline.run(typed, again);
-  EXPECT_FALSE(pipeline.report().found_sensor.has_value());
-  EXPECT_EQ(difference(first, again), "");
+  const Params typed = loaded(cloud.points).resolve({});
+  for (const Params& params : {Params{.k = 12}, typed}) {
+    Pipeline pipeline = loaded(cloud.points);
+    Points first(cloud.points.size()), again(first.size());
+    pipeline.run(params, first);
+    EXPECT_FALSE(pipeline.report().found_sensor.has_value());
+    pipeline.run({}, again);
+    EXPECT_TRUE(pipeline.report().found_sensor.has_value());
+    pipeline.run(params, again);
+    EXPECT_FALSE(pipeline.report().found_sensor.has_value());
+    EXPECT_EQ(difference(first, again), "");
+  }
 }
 
 // From two places that see one scene, and by no sensor at all: even, uneven, of steps, few.

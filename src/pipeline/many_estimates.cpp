@@ -137,8 +137,8 @@ class Measuring {
     }
     const Resolved used = pointfair::resolve(params_, std::move(found), diagonal_of(cloud.sample.bounds));
     Settings settings = settings_of(used);
-    // radii of clouds that run together follow the levels of the noise; those that are given do not
-    // and points of one cloud have no sensor of their own
+    // Radii of clouds that run together follow the levels of the noise, and given radii do not. A sensor that was found
+    // is that of one cloud, and kernels of many clouds take one place for all.
     cloud.is_alone =
         cloud.is_alone || settings.fairing.sensors || (settings.neighbors.levels && !settings.neighbors.radius_follows);
     static_cast<Settings&>(cloud.settings) = std::move(settings);
