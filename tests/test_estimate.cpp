@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "estimate/estimate.hpp"
@@ -99,6 +100,30 @@ TEST(Noise, of_sheets_four_to_five_sigmas_apart_is_that_of_each) {
     const Noise noise = measured_noise(shapes::with_noise(shapes::two_sheets(20000, gap), sigma));
     EXPECT_NEAR(noise.sigma, sigma, 0.1 * sigma) << gap;
     EXPECT_NEAR(noise.gap, gap, 0.2 * gap);
+  }
+}
+
+// Too near to be told from one sheet at each sample: the whole cloud tells.
+TEST(Noise, of_sheets_that_overlap_is_that_of_each) {
+  for (const double gap : {0.011, 0.015, 0.022})
+    for (const double sigmas : {2.6, 3.0, 3.5}) {
+      const double sigma = gap / sigmas;
+      const Noise noise = measured_noise(shapes::with_noise(shapes::two_sheets(20000, gap), sigma));
+      EXPECT_NEAR(noise.sigma, sigma, 0.2 * sigma) << gap << ' ' << sigmas;
+      EXPECT_NEAR(noise.gap, gap, 0.2 * gap) << sigmas;
+    }
+}
+
+// Two groups of its heights look like such sheets.
+TEST(Noise, that_is_even_between_two_bounds_is_of_one_sheet) {
+  for (const float most : {0.01f, 0.02f}) {  // spacing 0.01
+    Points points = shapes::plane(10000);
+    std::mt19937 random(7);
+    std::uniform_real_distribution<float> even(-most, most);
+    for (Point& p : points) p.z += even(random);
+    const Noise noise = measured_noise(points);
+    EXPECT_EQ(noise.gap, 0) << most;
+    EXPECT_NEAR(noise.sigma, most / std::sqrt(3.0), 0.1 * most);
   }
 }
 

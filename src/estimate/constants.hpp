@@ -54,6 +54,8 @@ inline constexpr double kNoiseQuantile =
 inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
 inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
 inline constexpr double kSheetShare = 0.15;     // of the samples; fewer that see two sheets are corners; sheets, 028
+inline constexpr double kThinShare = 0.5;       // of the samples may see two sheets; of other clouds less; sheets, 028
+inline constexpr double kBeyondEven = 0.01;     // of residuals beyond two deviations; fewer of even noise; sheets, 028
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
 inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
 inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 028
@@ -115,7 +117,7 @@ inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (1
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
 inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};         // of R, with little noise and with more; (20); 052, 143
-inline constexpr double kSeparableGap = 1.9;                 // spacings between two sheets; sheets
+inline constexpr double kApartFromNoise = 3;                 // sigmas beyond a spacing, between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;  // of one sheet's points within the gap; sheets
 inline constexpr double kListRadius = 3;                     // sigmas, of lists; quality
 inline constexpr double kListPoints = 11;                    // points, of lists without noise; quality

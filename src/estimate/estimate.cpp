@@ -112,6 +112,29 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   return noise;
 }
 
+// Whether most samples may see two sheets of thin parts, which are too near to each other to be told from one sheet at
+// each of them. Noise that is even between two bounds looks so, too, but ends there. In a small cloud other parts are
+// as near.
+bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
+                 const std::stop_token& stop) {
+  if (queries.size() < kNoiseSamples || noise_of(samples.noise, false).gap > 0) return false;
+  std::size_t shown = 0;
+  std::vector<std::uint32_t> thin;
+  std::vector<double> sigmas;
+  for (std::size_t i = 0; i < kNoiseSamples; ++i) {
+    const point::NoiseSample& sample = samples.noise[i];
+    shown += sample.shows_noise;
+    if (!sample.may_be_sheets) continue;
+    thin.push_back(queries[i]);
+    sigmas.push_back(sample.sigma);
+  }
+  if (!(double(thin.size()) > kThinShare * double(shown))) return false;
+  std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
+  std::erase_if(beyond, [](double share) { return share < 0; });
+  const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);
+  return total > kBeyondEven * double(beyond.size());
+}
+
 // Adds what residuals of fewer points show, in a cloud of so many points.
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
   noise.surface_points = surface_points(samples);
@@ -184,7 +207,7 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
   const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
   double at_second = 0;  // residual over the spacing, of every second point
   for (const int stride : {2, 4, 8}) {
-    const Samples thinned = from.take_thinned_samples({}, some, stride, stop);
+    const Samples thinned = from.take_samples_by({.stride = stride}, {}, some, stop);
     const Noise noise = noise_of(thinned.noise, false);
     const std::vector<point::ResidualSample> residuals = thinned.residuals();
     const Growth there = residual_growth(residuals);
@@ -311,9 +334,13 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   });
   int repeats = found.points;
   const auto thinned_samples = [&] {
-    return from.take_thinned_samples({}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)), repeats, stop);
+    return from.take_samples_by({.stride = repeats}, {}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
+                                stop);
   };
-  if (repeats > 1) samples = thinned_samples();
+  if (repeats > 1)
+    samples = thinned_samples();
+  else if (may_be_thin(from, samples, for_noise, stop))
+    samples = from.take_samples_by({.sheets = true}, {}, for_noise, stop);
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   cover_rounding(steps, samples.noise);
   Estimate result{spacing, {}};

@@ -18,6 +18,7 @@ struct NoiseSample {
   bool shows_noise = false;
   bool is_wide = false;  // against the noise; else the neighbourhood is as large as it may get
   double sigma = 0, spacing = 0, gap = 0;
+  bool may_be_sheets = false;  // GrowingNeighborhood::may_be_sheets()
 };
 
 // The sizes of neighbourhoods that planes are fitted to: each has 1.8 times as many points as the one before.
@@ -65,6 +66,7 @@ struct Look {
   bool is_cut = true;    // there are fewer
   double noise = -1;     // negative: they show none
   double spacing = 0, gap = 0;
+  bool may_be_sheets = false;
 };
 
 template <class P>
@@ -134,6 +136,7 @@ POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, Ro
   neighborhood.grow_to(look.is_cut ? row.there : points);
   look.is_wide = neighborhood.is_wide();
   if (!neighborhood.shows_a_surface() || !(look.is_wide || look.is_last || always)) return look;
+  look.may_be_sheets = look.is_wide && neighborhood.may_be_sheets();
   look.noise = neighborhood.noise();
   look.spacing = neighborhood.spacing();
   look.gap = neighborhood.gap();
@@ -147,7 +150,7 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
     const Look look = look_in(round);
     if (!look.is_wide && !look.is_last) continue;
     if (look.noise < 0) return {};
-    return {false, true, look.is_wide, look.noise, look.spacing, look.gap};
+    return {false, true, look.is_wide, look.noise, look.spacing, look.gap, look.may_be_sheets};
   }
   return {true};
 }

@@ -112,8 +112,10 @@ inline constexpr double kWideRadius = 3.7;  // standard deviations of the height
 template <class Team, int kMost>
 class GrowingNeighborhood {
  public:
-  // Of the offsets in `space`, which it goes on using.
-  POINTFAIR_INLINE GrowingNeighborhood(Team team, FitSpace<kMost>& space) : team_(team), space_(space) {}
+  // Of the offsets in `space`, which it goes on using. `sheets`: the cloud has thin parts, so two groups of heights are
+  // two sheets also where one group of noise would now and then look like them.
+  POINTFAIR_INLINE GrowingNeighborhood(Team team, FitSpace<kMost>& space, bool sheets)
+      : team_(team), space_(space), sheets_(sheets) {}
 
   // Looks at the first n, 4 <= n <= kMost and never fewer than before. O(n).
   POINTFAIR_INLINE void grow_to(int n) {
@@ -139,6 +141,9 @@ class GrowingNeighborhood {
   }
   // The gap between the two sheets of a thin part that these points belong to; 0 where there is one sheet.
   POINTFAIR_INLINE double gap() const { return gap_; }
+  // Whether there may be two sheets: in a thin part most neighbourhoods say so, of one sheet's few. To be asked before
+  // noise(). O(n).
+  POINTFAIR_INLINE bool may_be_sheets() { return gap_ > 0 || are_sheets(kMostOfSheets); }
   // Side of the square that holds one point of the sheet.
   POINTFAIR_INLINE double spacing() const { return radius_ * square_root(3.141592653589793 / own_count_); }
   // Standard deviation of the own sheet's heights over their least-squares cubic, unbiased: n - 10 for n. Only of what
@@ -147,18 +152,26 @@ class GrowingNeighborhood {
     place_over_plane();
     fit_cubic();
     const FitSpace<kMost>& space = space_;
-    Terms<kCubicTerms> cubic;
-    for_constants<kCubicTerms>([&](auto t) { cubic.of[t.value] = space.equations[t.value][kCubicTerms]; });
+    const Terms<kCubicTerms> cubic = fitted_cubic();
     typename Team::template Sums<1> squares(team_);
     squares.add(0, count_, [&space, cubic](int i) {
-      const double(&c)[kCubicTerms] = cubic.of;
-      const double u = space.u[i], v = space.v[i];
-      const double on_cubic = (c[0] * space.own[i] + u * (c[1] + u * (c[3] + u * c[6]))) +
-                              v * ((c[2] + u * (c[4] + u * c[7])) + v * ((c[5] + u * c[8]) + v * c[9]));
-      const double residual = space.height[i] - on_cubic;
+      const double residual = over_cubic(space, cubic, i);
       return Terms<1>{{residual * residual}};
     });
-    return square_root(without_slab_bias(squares.total().of[0] / (own_count_ - kCubicTerms), radius_));
+    residuals_ = squares.total().of[0] / (own_count_ - kCubicTerms);
+    return square_root(cut_off_by_groups() * without_slab_bias(residuals_, radius_));
+  }
+  // The share of the residuals that noise() saw that are beyond two standard deviations. O(n).
+  POINTFAIR_INLINE double beyond_two() const {
+    const FitSpace<kMost>& space = space_;
+    const Terms<kCubicTerms> cubic = fitted_cubic();
+    const double most = 4 * residuals_;
+    typename Team::template Sums<1> beyond(team_);
+    beyond.add(0, count_, [&space, cubic, most](int i) {
+      const double residual = over_cubic(space, cubic, i);
+      return Terms<1>{{residual * residual > most ? 1.0 : 0.0}};
+    });
+    return beyond.total().of[0] / own_count_;
   }
 
  private:
@@ -173,7 +186,8 @@ class GrowingNeighborhood {
   static constexpr int kGroupingRounds = 5;
   static constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights: two sheets
   static constexpr double kMixedVariance = 0.2;   // the same, if the groups lie over each other
-  static constexpr double kLeastGap = 0.5;        // between these, of the spacing of one of two equal sheets
+  static constexpr double kMostOfSheets = 0.3;    // the same, in clouds of thin parts; 2.4 sigmas apart
+  static constexpr double kLeastGap = 0.35;       // between these, of the spacing of one of two equal sheets
   static constexpr int kAsked = 64;               // points, of which it is asked what lies beside them
   static constexpr double kVanishing = 1e-9;      // pivots, of the number of points
 
@@ -192,17 +206,40 @@ class GrowingNeighborhood {
       space.height[i] = plane.height(space.offset(i));
       space.own[i] = 1;
     });
+    groups_ = groups();
+    if (!are_sheets(sheets_ ? kMostOfSheets : kMixedVariance)) return;
+    gap_ = groups_.gap;
+    const double threshold = groups_.threshold;
+    const bool is_above = plane.height({0, 0, 0}) >= threshold;
+    team_.for_each(count_, [&space, threshold, is_above](int i) {
+      space.own[i] = (space.height[i] >= threshold) == is_above ? 1.0 : 0.0;
+    });
+    typename Team::template Sums<1> own(team_);
+    own.add(0, count_, [&space](int i) { return Terms<1>{{space.own[i]}}; });
+    own_count_ = int(own.total().of[0]);
+  }
+
+  // Two groups of heights.
+  struct Groups {
+    double threshold = 0, below = 0;  // between them, and the share of the points below it
+    double gap = 0;                   // between their means
+    double variance = 0, within = 0;  // of all heights, and what of it is within the groups
+  };
+
+  // Of the heights, by two-means. O(n).
+  POINTFAIR_INLINE Groups groups() {
+    const FitSpace<kMost>& space = space_;
     const double n = count_;
     double threshold = 0, below = 0, low = 0, high = 0;
     for (int round = 0; round < kGroupingRounds; ++round) {
-      typename Team::template Sums<2> groups(team_);
-      groups.add(0, count_, [&space, threshold](int i) {
+      typename Team::template Sums<2> sums(team_);
+      sums.add(0, count_, [&space, threshold](int i) {
         const double h = space.height[i];
         return Terms<2>{{h < threshold ? 1.0 : 0.0, smaller(h, threshold)}};
       });
-      const Terms<2> found = groups.total();
+      const Terms<2> found = sums.total();
       below = found.of[0];
-      if (below == 0 || below == n) return;
+      if (below == 0 || below == n) return {};  // no two
       const double sum_below = found.of[1] - (n - below) * threshold;
       low = sum_below / below;
       high = -sum_below / (n - below);  // heights are over the mean
@@ -211,20 +248,24 @@ class GrowingNeighborhood {
       threshold = middle;
     }
     const double between = below * (n - below) / (n * n) * (high - low) * (high - low);
-    const double within = plane.variance - between;
-    if (within >= kMixedVariance * plane.variance) return;
-    if (within >= kSheetVariance * plane.variance &&
-        !(high - low >= kLeastGap * radius_ * square_root(2 * 3.141592653589793 / n) &&
-          lie_over_each_other(threshold, below / n)))
-      return;
-    gap_ = high - low;
-    const bool is_above = plane.height({0, 0, 0}) >= threshold;
-    team_.for_each(count_, [&space, threshold, is_above](int i) {
-      space.own[i] = (space.height[i] >= threshold) == is_above ? 1.0 : 0.0;
-    });
-    typename Team::template Sums<1> own(team_);
-    own.add(0, count_, [&space](int i) { return Terms<1>{{space.own[i]}}; });
-    own_count_ = int(own.total().of[0]);
+    return {threshold, below / n, high - low, plane_.variance, plane_.variance - between};
+  }
+
+  // The variance of one sheet's heights over that of its group: where sheets overlap, heights beyond the threshold
+  // count for the other one. Of two equal sheets with Gaussian heights, within .01 where these are 2.4 sigmas apart or
+  // more.
+  POINTFAIR_INLINE double cut_off_by_groups() const {
+    if (gap_ == 0) return 1;
+    const double share = groups_.within / groups_.variance, squared = share * share;
+    return 1 + 53 * (squared * squared);
+  }
+
+  // Whether the groups are two sheets, if these may keep `most` of the variance within them. O(n).
+  POINTFAIR_INLINE bool are_sheets(double most) {
+    if (groups_.within >= most * groups_.variance) return false;
+    if (groups_.within < kSheetVariance * groups_.variance) return true;
+    return groups_.gap >= kLeastGap * radius_ * square_root(2 * 3.141592653589793 / count_) &&
+           lie_over_each_other(groups_.threshold, groups_.below);
   }
 
   // Whether the groups of heights below and above `threshold` lie over each other, as sheets do: the points beside the
@@ -264,6 +305,20 @@ class GrowingNeighborhood {
       space.v[i] = dot(d, other) * scale;
       space.height[i] = dot(d, plane.normal);
     });
+  }
+
+  POINTFAIR_INLINE Terms<kCubicTerms> fitted_cubic() const {
+    const FitSpace<kMost>& space = space_;
+    Terms<kCubicTerms> cubic;
+    for_constants<kCubicTerms>([&](auto t) { cubic.of[t.value] = space.equations[t.value][kCubicTerms]; });
+    return cubic;
+  }
+  POINTFAIR_INLINE static double over_cubic(const FitSpace<kMost>& space, const Terms<kCubicTerms>& cubic, int i) {
+    const double(&c)[kCubicTerms] = cubic.of;
+    const double u = space.u[i], v = space.v[i];
+    const double on_cubic = (c[0] * space.own[i] + u * (c[1] + u * (c[3] + u * c[6]))) +
+                            v * ((c[2] + u * (c[4] + u * c[7])) + v * ((c[5] + u * c[8]) + v * c[9]));
+    return space.height[i] - on_cubic;
   }
 
   // By the normal equations and Gauss-Jordan elimination; a vanishing pivot drops its term. The coefficients become the
@@ -319,13 +374,16 @@ class GrowingNeighborhood {
 
   Team team_;
   FitSpace<kMost>& space_;
+  bool sheets_;
+  Groups groups_{};
   int count_ = 0;
   typename Team::template Sums<kMoments> moments_{team_};  // of all `count_`
   double radius_ = 0;
   bool is_surface_ = false;
   int own_count_ = 0;  // all, or fewer where there are two sheets
   double gap_ = 0;
-  Plane plane_{};  // of the own ones
+  double residuals_ = 0;  // their variance
+  Plane plane_{};         // of the own ones
 };
 
 }  // namespace pointfair::point

@@ -94,18 +94,18 @@ NearRows near_rows(const Point* rows, std::size_t count, std::size_t row) {
 
 // By the neighbourhoods of some rounds, in a row of kMost.
 template <int kMost>
-point::NoiseSample grown(const Point* row, int first_round, int end_round) {
+point::NoiseSample grown(const Point* row, bool sheets, int first_round, int end_round) {
   point::FitSpace<kMost> space;
   const point::RowTaken taken = take_row(OneThread{}, space, row);
-  point::GrowingNeighborhood neighborhood(OneThread{}, space);
+  point::GrowingNeighborhood neighborhood(OneThread{}, space, sheets);
   return point::noise_sample(first_round, end_round,
                              [&](int round) { return look_at(neighborhood, taken, point::points_of(round), false); });
 }
 
-point::ResidualSample residuals_of(const Point* row) {
+point::ResidualSample residuals_of(const Point* row, bool sheets) {
   point::FitSpace<point::kFirstRow> space;
   const point::RowTaken taken = take_row(OneThread{}, space, row);
-  point::GrowingNeighborhood neighborhood(OneThread{}, space);
+  point::GrowingNeighborhood neighborhood(OneThread{}, space, sheets);
   const auto look = [&](int points) { return look_at(neighborhood, taken, points, true); };
   const point::Look least = look(point::kLeastFit), narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
   const point::Look widest = look(point::kFirstRow);
@@ -120,33 +120,32 @@ void Sampling::for_each_on_host(std::size_t count, const std::function<void(std:
 
 Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop) {
-  return take_thinned_samples(for_spacing, for_noise, 1, stop);
+  return take_samples_by({}, for_spacing, for_noise, stop);
 }
 
-Samples Sampling::take_thinned_samples(std::span<const std::uint32_t> for_spacing,
-                                       std::span<const std::uint32_t> for_noise, int stride,
-                                       const std::stop_token& stop) {
+Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_spacing,
+                                  std::span<const std::uint32_t> for_noise, const std::stop_token& stop) {
   using namespace point;
   Samples samples;
   samples.spacing.resize(for_spacing.size());
   samples.noise.resize(for_noise.size());
 
-  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, stride, stop);
+  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, rule.stride, stop);
   for_each_on_host(for_spacing.size(), [&](std::size_t q) {
     samples.spacing[q] = spacing_sample(spacing_rows.get() + q * (kSpacingNeighbors + 1));
   });
 
-  const auto first_rows = rows_of(*this, for_noise, kFirstRow, stride, stop);
-  if (stride == 1) samples.near = near_rows(first_rows.get(), for_noise.size(), kFirstRow + 1);
+  const auto first_rows = rows_of(*this, for_noise, kFirstRow, rule.stride, stop);
+  if (rule.stride == 1) samples.near = near_rows(first_rows.get(), for_noise.size(), kFirstRow + 1);
   for_each_on_host(for_noise.size(), [&](std::size_t q) {
     throw_if_stopped(stop);
-    samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), 0, kFirstRounds);
+    samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), rule.sheets, 0, kFirstRounds);
   });
-  samples.residuals = [this, first_rows, stop, count = for_noise.size()] {
+  samples.residuals = [this, first_rows, rule, stop, count = for_noise.size()] {
     std::vector<ResidualSample> residuals(count);
     for_each_on_host(count, [&](std::size_t q) {
       throw_if_stopped(stop);
-      residuals[q] = residuals_of(first_rows.get() + q * (kFirstRow + 1));
+      residuals[q] = residuals_of(first_rows.get() + q * (kFirstRow + 1), rule.sheets);
     });
     return residuals;
   };
@@ -158,12 +157,34 @@ Samples Sampling::take_thinned_samples(std::span<const std::uint32_t> for_spacin
     short_ones.push_back(q);
     queries.push_back(for_noise[q]);
   }
-  const auto last_rows = rows_of(*this, queries, kLastRow, stride, stop);
+  const auto last_rows = rows_of(*this, queries, kLastRow, rule.stride, stop);
   for_each_on_host(queries.size(), [&](std::size_t n) {
     throw_if_stopped(stop);
-    samples.noise[short_ones[n]] = grown<kLastRow>(last_rows.get() + n * (kLastRow + 1), kFirstRounds, kRounds);
+    samples.noise[short_ones[n]] =
+        grown<kLastRow>(last_rows.get() + n * (kLastRow + 1), rule.sheets, kFirstRounds, kRounds);
   });
   return samples;
+}
+
+std::vector<double> Sampling::beyond_two(std::span<const std::uint32_t> queries, std::span<const double> sigmas,
+                                         const std::stop_token& stop) {
+  using namespace point;
+  constexpr double kWithin = 7;  // sigmas; in a narrower one, the farthest heights are cut off by the sphere
+  std::vector<double> shares(queries.size(), -1);
+  const auto rows = rows_of(*this, queries, kLastRow, 1, stop);
+  for_each_on_host(queries.size(), [&](std::size_t q) {
+    throw_if_stopped(stop);
+    FitSpace<kLastRow> space;
+    const int there = take_row(OneThread{}, space, rows.get() + q * (kLastRow + 1)).there;
+    int count = std::min(there, kFirstRow);
+    while (count < there && length(space.offset(count)) <= kWithin * sigmas[q]) ++count;
+    GrowingNeighborhood neighborhood(OneThread{}, space, false);
+    neighborhood.grow_to(count);
+    if (!neighborhood.shows_a_surface() || neighborhood.gap() > 0) return;
+    neighborhood.noise();
+    shares[q] = neighborhood.beyond_two();
+  });
+  return shares;
 }
 
 }  // namespace pointfair

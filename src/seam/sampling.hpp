@@ -47,6 +47,12 @@ struct Samples {
 // Calls the function for each number below the given one, many at once.
 using ForEach = std::function<void(std::size_t, const std::function<void(std::size_t)>&)>;
 
+// How neighbourhoods of samples are looked at.
+struct SampleRule {
+  int stride = 1;       // every so many-th nearest point, which leaves copies of a point aside
+  bool sheets = false;  // two groups of heights are taken for two sheets more readily: the cloud has thin parts
+};
+
 class Sampling {
  public:
   virtual ~Sampling() = default;
@@ -64,10 +70,14 @@ class Sampling {
   // triggered.
   virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop);
-  // The same over every `stride`-th nearest point, which leaves copies of a point aside, by fits on the host's cores.
-  // Rows end with the kLongestRow-th nearest.
-  Samples take_thinned_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
-                               int stride, const std::stop_token& stop);
+  // The same by any rule, by fits on the host's cores. Rows end with the kLongestRow-th nearest.
+  Samples take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_spacing,
+                          std::span<const std::uint32_t> for_noise, const std::stop_token& stop);
+  // For each of `queries`, whose noise is one of `sigmas`, the share of residuals beyond two standard deviations (.046
+  // of Gaussian noise, none of noise that is even between two bounds), over a cubic through the nearest points up to 7
+  // sigmas away, 60 to 600 of them; 1 where they are on two sheets. By fits on the host's cores.
+  std::vector<double> beyond_two(std::span<const std::uint32_t> queries, std::span<const double> sigmas,
+                                 const std::stop_token& stop);
   static constexpr int kLongestRow = 1024;
   // Says that the stages will probably ask for so many nearest points of each; a device may find them meanwhile.
   virtual void foresee_nearest(int) {}

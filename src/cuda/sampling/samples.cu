@@ -56,7 +56,7 @@ constexpr int kFirstBlocks = kFirstLooks + 1;
 template <int kMost>
 __device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int points, bool always) {
   const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
-  point::GrowingNeighborhood<WarpTeam, kMost> neighborhood(WarpTeam{}, space);
+  point::GrowingNeighborhood<WarpTeam, kMost> neighborhood(WarpTeam{}, space, false);
   return point::look_at(neighborhood, taken, points, always);
 }
 
@@ -154,7 +154,7 @@ __global__ void __launch_bounds__(kWarp)
   const Point* const row = rows + n * kFirstRow;
   if (lane_number() < kHead) heads[n * kHead + lane_number()] = row[lane_number()];
   const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
-  point::GrowingNeighborhood<WarpTeam, point::kFirstRow> neighborhood(WarpTeam{}, space);
+  point::GrowingNeighborhood<WarpTeam, point::kFirstRow> neighborhood(WarpTeam{}, space, false);
   bool suffices = false;
 #pragma unroll 1
   for (int step = 0; step < kSteps; ++step) {
