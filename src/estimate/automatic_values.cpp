@@ -84,7 +84,7 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
   if (!(noise.gap > 0 && spacing > 0))
     return noise.surface_points > kReachPoints ? noise.surface_points : kMinNeighbors;
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
-  if (gap > 1 + kApartFromNoise * noise.sigma / spacing)  // the nearest points end before the other sheet
+  if (gap > kSeparableGap + kApartFromNoise * noise.sigma / spacing)  // the nearest points end before the other sheet
     return std::min(kMinNeighbors, int(kOneSheet * count));
   return std::clamp(int(kBothSheets * count), kMinNeighbors, kMaxMinNeighbors);
 }
