@@ -337,11 +337,11 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return from.take_samples_by({.stride = repeats}, {}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
                                 stop);
   };
+  const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   if (repeats > 1)
     samples = thinned_samples();
-  else if (may_be_thin(from, samples, for_noise, stop))
+  else if (steps.kind != CoordinateSteps::Kind::depth && may_be_thin(from, samples, for_noise, stop))
     samples = from.take_samples_by({.sheets = true}, {}, for_noise, stop);
-  const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   cover_rounding(steps, samples.noise);
   Estimate result{spacing, {}};
   double growth = 1;

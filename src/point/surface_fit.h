@@ -143,7 +143,7 @@ class GrowingNeighborhood {
   POINTFAIR_INLINE double gap() const { return gap_; }
   // Whether there may be two sheets: in a thin part most neighbourhoods say so, of one sheet's few. To be asked before
   // noise(). O(n).
-  POINTFAIR_INLINE bool may_be_sheets() { return gap_ > 0 || are_sheets(kMostOfSheets); }
+  POINTFAIR_INLINE bool may_be_sheets() { return gap_ > 0 || are_sheets(true); }
   // Side of the square that holds one point of the sheet.
   POINTFAIR_INLINE double spacing() const { return radius_ * square_root(3.141592653589793 / own_count_); }
   // Standard deviation of the own sheet's heights over their least-squares cubic, unbiased: n - 10 for n. Only of what
@@ -185,11 +185,12 @@ class GrowingNeighborhood {
   static constexpr double kSurfaceGrowth = 2.6;
   static constexpr int kGroupingRounds = 5;
   static constexpr double kSheetVariance = 0.12;  // of all variance, left within two groups of heights: two sheets
-  static constexpr double kMixedVariance = 0.2;   // the same, if the groups lie over each other
-  static constexpr double kMostOfSheets = 0.3;    // the same, in clouds of thin parts; 2.4 sigmas apart
-  static constexpr double kLeastGap = 0.35;       // between these, of the spacing of one of two equal sheets
-  static constexpr int kAsked = 64;               // points, of which it is asked what lies beside them
-  static constexpr double kVanishing = 1e-9;      // pivots, of the number of points
+  // Of two groups that lie over each other and keep more: the most of the variance within them, and the least gap
+  // between them, in spacings of one of two equal sheets; anywhere, and in clouds of thin parts.
+  static constexpr double kMixedVariance = 0.2, kLeastGap = 0.5;
+  static constexpr double kMixedVarianceOfThin = 0.3, kLeastGapOfThin = 0.35;
+  static constexpr int kAsked = 64;           // points, of which it is asked what lies beside them
+  static constexpr double kVanishing = 1e-9;  // pivots, of the number of points
 
   POINTFAIR_INLINE bool has_enough() const { return own_count_ >= kFewest; }
 
@@ -207,7 +208,7 @@ class GrowingNeighborhood {
       space.own[i] = 1;
     });
     groups_ = groups();
-    if (!are_sheets(sheets_ ? kMostOfSheets : kMixedVariance)) return;
+    if (!are_sheets(sheets_)) return;
     gap_ = groups_.gap;
     const double threshold = groups_.threshold;
     const bool is_above = plane.height({0, 0, 0}) >= threshold;
@@ -260,11 +261,12 @@ class GrowingNeighborhood {
     return 1 + 53 * (squared * squared);
   }
 
-  // Whether the groups are two sheets, if these may keep `most` of the variance within them. O(n).
-  POINTFAIR_INLINE bool are_sheets(double most) {
-    if (groups_.within >= most * groups_.variance) return false;
+  // Whether the groups are two sheets. `thin`: those of a cloud of thin parts. O(n).
+  POINTFAIR_INLINE bool are_sheets(bool thin) {
+    if (groups_.within >= (thin ? kMixedVarianceOfThin : kMixedVariance) * groups_.variance) return false;
     if (groups_.within < kSheetVariance * groups_.variance) return true;
-    return groups_.gap >= kLeastGap * radius_ * square_root(2 * 3.141592653589793 / count_) &&
+    return groups_.gap >=
+               (thin ? kLeastGapOfThin : kLeastGap) * radius_ * square_root(2 * 3.141592653589793 / count_) &&
            lie_over_each_other(groups_.threshold, groups_.below);
   }
 
