@@ -169,7 +169,7 @@ Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t
 std::vector<double> Sampling::beyond_two(std::span<const std::uint32_t> queries, std::span<const double> sigmas,
                                          const std::stop_token& stop) {
   using namespace point;
-  constexpr double kWithin = 7;  // sigmas; in a narrower one, the farthest heights are cut off by the sphere
+  constexpr double kWithin = 7;  // sigmas; a narrower sphere cuts the farthest heights off
   std::vector<double> shares(queries.size(), -1);
   const auto rows = rows_of(*this, queries, kLastRow, 1, stop);
   for_each_on_host(queries.size(), [&](std::size_t q) {

@@ -75,7 +75,7 @@ class Sampling {
                           std::span<const std::uint32_t> for_noise, const std::stop_token& stop);
   // For each of `queries`, whose noise is one of `sigmas`, the share of residuals beyond two standard deviations (.046
   // of Gaussian noise, none of noise that is even between two bounds), over a cubic through the nearest points up to 7
-  // sigmas away, 60 to 600 of them; 1 where they are on two sheets. By fits on the host's cores.
+  // sigmas away, 115 to 600 of them; negative where they show no surface, or two sheets. By fits on the host's cores.
   std::vector<double> beyond_two(std::span<const std::uint32_t> queries, std::span<const double> sigmas,
                                  const std::stop_token& stop);
   static constexpr int kLongestRow = 1024;
