@@ -28,10 +28,15 @@ BLOCKED = "it waits until Linux says that the process blocks a signal, which qem
 OF_LINUX = "it uses a limit, a device or a folder /proc as Linux has them"
 NOT_THERE = {"wine": {
     "test_bad_input.Files.test_no_permission": "wine runs for the user only that its folder belongs to",
+    "test_bad_input.Files.test_no_thread_can_be_started": "wine runs for the user only that its folder belongs to",
+    "test_bad_input.Outputs.test_a_link_to_nothing_is_no_output": "wine follows links before the program sees them",
+    "test_bad_input.Outputs.test_a_report_has_any_name_that_a_file_can_have": "a limit of Linux, and reasons in other words",
+    "test_bad_input.Outputs.test_a_report_that_cannot_be_written": "/dev/full is a device of Linux",
     "test_bad_input.Outputs.test_disk_full": "a limit of Linux",
     "test_bad_input.Outputs.test_output_equal_to_input": "Windows replaces no file that is being read, and the program says so",
     "test_bad_input.Outputs.test_a_report_follows_links_and_keeps_permissions": "Windows gives files no permissions",
     "test_bad_input.Streams": "pipes and devices have names that Windows does not know",
+    "test_each.Each.test_the_table_of_a_run_that_was_stopped_goes_on": "Windows lacks SIGTERM and pipes in folders",
     "test_interrupt": "it waits until Linux says that the process blocks a signal, and sends SIGTERM, which Windows lacks",
     "test_kills": "limits of Linux, and moments of a run that are over before wine has started",
     "test_tiled.Bits.test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so": "a limit of Linux",
