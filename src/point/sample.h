@@ -16,9 +16,9 @@ struct SpacingSample {
 struct NoiseSample {
   bool is_short = false;  // the whole row is not wide enough, and a longer row could be
   bool shows_noise = false;
-  bool is_wide = false;  // against the noise; else the neighbourhood is as large as it may get
-  double sigma = 0, spacing = 0, gap = 0;
+  bool is_wide = false;        // against the noise; else the neighbourhood is as large as it may get
   bool may_be_sheets = false;  // GrowingNeighborhood::may_be_sheets()
+  double sigma = 0, spacing = 0, gap = 0;
 };
 
 // The sizes of neighbourhoods that planes are fitted to: each has 1.8 times as many points as the one before.
@@ -64,9 +64,9 @@ struct Look {
   bool is_wide = false;  // against the noise
   bool is_last = true;   // there are no more, or more are not looked at
   bool is_cut = true;    // there are fewer
-  double noise = -1;     // negative: they show none
-  double spacing = 0, gap = 0;
   bool may_be_sheets = false;
+  double noise = -1;  // negative: they show none
+  double spacing = 0, gap = 0;
 };
 
 template <class P>
@@ -150,7 +150,7 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
     const Look look = look_in(round);
     if (!look.is_wide && !look.is_last) continue;
     if (look.noise < 0) return {};
-    return {false, true, look.is_wide, look.noise, look.spacing, look.gap, look.may_be_sheets};
+    return {false, true, look.is_wide, look.may_be_sheets, look.noise, look.spacing, look.gap};
   }
   return {true};
 }
