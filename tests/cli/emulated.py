@@ -31,7 +31,7 @@ NOT_THERE = {"wine": {
     "test_bad_input.Files.test_no_thread_can_be_started": "wine runs for the user only that its folder belongs to",
     "test_bad_input.Outputs.test_a_link_to_nothing_is_no_output": "wine follows links before the program sees them",
     "test_bad_input.Outputs.test_a_report_has_any_name_that_a_file_can_have": "a limit of Linux, and reasons in other words",
-    "test_bad_input.Outputs.test_a_report_that_cannot_be_written": "/dev/full is a device of Linux",
+    "test_bad_input.Outputs.test_a_report_on_a_full_device": "/dev/full is a device of Linux",
     "test_bad_input.Outputs.test_disk_full": "a limit of Linux",
     "test_bad_input.Outputs.test_output_equal_to_input": "Windows replaces no file that is being read, and the program says so",
     "test_bad_input.Outputs.test_a_report_follows_links_and_keeps_permissions": "Windows gives files no permissions",
@@ -55,7 +55,7 @@ NOT_THERE = {"wine": {
 }, "here": {} if sys.platform == "linux" else {
     "test_bad_input.Outputs.test_disk_full": OF_LINUX,
     "test_bad_input.Outputs.test_standard_output_full": OF_LINUX,
-    "test_bad_input.Outputs.test_a_report_that_cannot_be_written": OF_LINUX,
+    "test_bad_input.Outputs.test_a_report_on_a_full_device": OF_LINUX,
     "test_bad_input.Outputs.test_memory": OF_LINUX,
     "test_bad_input.Streams": OF_LINUX,
     "test_interrupt": OF_LINUX,

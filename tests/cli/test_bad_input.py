@@ -114,8 +114,10 @@ class Outputs(Case):
             self.assertEqual(result.returncode, 3, words)
             self.assert_one_line(result.stderr.decode())
 
-    def test_a_report_that_cannot_be_written(self):
+    def test_a_report_in_no_folder(self):
         self.fails(3, "run", self.cloud, self.path("out.ply"), "--report", self.path("none") / "r.json", says="r.json")
+
+    def test_a_report_on_a_full_device(self):
         result = run("run", self.cloud, self.path("out.ply"), "--report", "/dev/full", "-q")
         self.assertEqual(result.returncode, 3)
         self.assert_one_line(result.stderr.decode())
