@@ -186,6 +186,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
           {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
+          {"copies", report.copies},
           {"mesh", mesh_json(report.mesh)},
           {"solver", solver_json(report.solver)},
           {"displacement", statistics_json(findings.displacement)},

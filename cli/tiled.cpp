@@ -127,6 +127,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
           {"removed", point_counts(report).removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
+          {"copies", report.copies},
           {"mesh", nullptr},
           {"solver", nullptr},
           {"displacement", statistics_json({moved.mean, moved.rms, moved.p95, moved.max})},

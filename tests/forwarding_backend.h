@@ -18,6 +18,7 @@ class ForwardingBackend : public Backend, public Sampling {
   DeviceInfo device() const override { return to_->device(); }
   HostBuffer host_buffer(std::size_t count) override { return to_->host_buffer(count); }
   void upload(std::span<const Point> points, IndexOrder expected) override { to_->upload(points, expected); }
+  void set_aside(std::vector<Copy> copies) override { to_->set_aside(std::move(copies)); }
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     to_->build_index(iteration, frame, stop);
   }

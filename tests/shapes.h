@@ -88,6 +88,20 @@ inline Points plane(int count, std::uint64_t seed = 1) {
   });
 }
 
+// Each point so many times, one after the other, each coordinate off by up to `rounding`.
+inline Points repeated(const Points& points, int times, double rounding) {
+  Points all;
+  Random random(6);
+  for (const Point& p : points)
+    for (int i = 0; i < times; ++i) {
+      Point copy = p;
+      for (float* value : {&copy.x, &copy.y, &copy.z})
+        *value = float(double(*value) + rounding * (2 * random.uniform() - 1));
+      all.push_back(copy);
+    }
+  return all;
+}
+
 // A smooth hill and valley over the unit square.
 inline Points waves(int count, std::uint64_t seed = 1) {
   return generate(count, seed, [](Random& r) {

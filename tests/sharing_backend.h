@@ -17,6 +17,8 @@
 
 namespace pointfair {
 
+constexpr float kNan = __builtin_nanf("");
+
 class SharingBackend : public ForwardingBackend, public DeviceTiles {
  public:
   explicit SharingBackend(std::unique_ptr<Backend> to) : ForwardingBackend(std::move(to)) {}
@@ -26,9 +28,18 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
 
   void upload(std::span<const Point> points, IndexOrder expected) override {
     uploaded_.assign(points.begin(), points.end());
+    copies_.clear();
     further_iteration_ = 0;
     results_ = nullptr;
     ForwardingBackend::upload(points, expected);
+  }
+  void set_aside(std::vector<Copy> copies) override {
+    for (const Copy& copy : copies_) uploaded_[copy.point] = copy.place;
+    copies_ = copies;
+    for (const Copy& copy : copies_) uploaded_[copy.point] = {kNan, kNan, kNan};
+    further_iteration_ = 0;
+    results_ = nullptr;
+    ForwardingBackend::set_aside(std::move(copies));
   }
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
     if (!is_moved(iteration)) return ForwardingBackend::build_index(iteration, frame, stop);
@@ -45,8 +56,9 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
     ForwardingBackend::estimate_normals(iteration, settings, stop);
   }
   void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
-    if (is_moved(iteration)) return moved_->download_normals(0, normals, stop);
-    ForwardingBackend::download_normals(iteration, normals, stop);
+    if (!is_moved(iteration)) return ForwardingBackend::download_normals(iteration, normals, stop);
+    moved_->download_normals(0, normals, stop);
+    follow<Point>(copies_, normals);
   }
   OutlierCounts download(int iteration, std::span<Point> points, const DisplacementLimits& limits,
                          std::span<std::uint8_t> outliers) override {
@@ -56,15 +68,17 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
     const std::vector<Point>& faired = iteration == 0 ? first_ : further_;
     OutlierCounts counts;
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      points[i] = faired[i];
-      if (!is_indexed(uploaded_[i])) continue;
-      const auto here = to_vec3(uploaded_[i]);
-      const auto limited = point::limited(here, to_vec3(faired[i]), used, point::node_value(field, here));
+    const auto hold_back = [&](std::size_t i, const Point& from, const Point& now) {
+      const auto limited = point::limited(to_vec3(from), to_vec3(now), used, point::node_value(field, to_vec3(from)));
       points[i] = {limited.place.x, limited.place.y, limited.place.z};
       count(limited.outlier, counts);
       if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
+    };
+    for (std::size_t i = 0; i < points.size(); ++i) {
+      points[i] = faired[i];
+      if (is_indexed(uploaded_[i])) hold_back(i, uploaded_[i], faired[i]);
     }
+    for (const Copy& copy : copies_) hold_back(copy.point, copy.place, faired[copy.first]);
     return counts;
   }
 
@@ -144,6 +158,7 @@ class SharingBackend : public ForwardingBackend, public DeviceTiles {
   }
 
   std::vector<Point> uploaded_, first_, further_, input_;  // input_: of iterations from the third on
+  std::vector<Copy> copies_;
   std::vector<Point> tiles_input_;
   std::vector<Point>* results_ = nullptr;  // null: nobody shares the cloud
   std::vector<bool> done_;

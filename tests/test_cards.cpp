@@ -75,6 +75,8 @@ TEST(Cards, share_a_cloud_with_the_bits_of_one_device) {
   expect_the_bits_of_one(shared, points, {}, 4);
   EXPECT_GT(runs[0], 0);
   EXPECT_GT(runs[1], 0) << "the second card had nothing to do";
+  for (const double rounding : {0.0, 1e-6})
+    expect_the_bits_of_one(shared, shapes::repeated(cloud(15000), 4, rounding), {.outliers = Outliers::mark}, 4);
   Params params{.k = 8};
   expect_the_bits_of_one(shared, shapes::with_invalid(cloud(40000), 9), params, 4);
   params.outliers = Outliers::mark;
@@ -152,7 +154,7 @@ std::vector<Params> kinds_of_params() {
 TEST(Cards, share_a_cloud_that_lies_on_the_first_of_them) {
   Pipeline shared = over({sharing, sharing, sharing}, 10000);
   const std::vector<Points> clouds{cloud(30000), shapes::with_invalid(cloud(20000), 9),
-                                   shapes::with_stray(cloud(15000), 100)};
+                                   shapes::with_stray(cloud(15000), 100), shapes::repeated(cloud(6000), 3, 1e-6)};
   for (const Params& params : kinds_of_params())
     for (const Points& points : clouds) {
       SCOPED_TRACE(std::to_string(points.size()) + " points, " + std::to_string(int(params.method)));

@@ -4,11 +4,13 @@
 #include <cuda_runtime_api.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <chrono>
 #include <cstring>
 #include <limits>
 #include <thread>
 
+#include "backend_runs.h"
 #include "pointfair/pointfair.hpp"
 #include "runs.h"
 #include "shapes.h"
@@ -170,6 +172,33 @@ TEST_F(CudaDevicePointsTest, refined_points_stay_on_the_card) {
   pipeline.run(params, {memory, points.size()}, stream());
   ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);
   EXPECT_EQ(std::memcmp(result.data(), expected.data(), bytes), 0);
+}
+
+TEST_F(CudaDevicePointsTest, have_the_bits_of_the_cpu_where_points_are_repeated) {
+  std::vector<Point> points = shapes::repeated(noisy_sphere(int(slow_tools::most_points(6000))), 3, 1e-7);
+  points[90].z += 0.3f;
+  std::vector<Point> expected(points.size()), expected_normals(points.size()), result(points.size());
+  const std::size_t bytes = points.size() * sizeof(Point);
+  for (const Params& params :
+       {Params{.outliers = Outliers::mark}, Params{.outliers = Outliers::mark, .method = Method::learned}}) {
+    Pipeline cpu(Device::cpu), card(Device::cuda);
+    cpu.load(points);
+    cpu.run(params, expected);
+    cpu.normals(expected_normals);
+    void* const memory = on_card(points.data(), bytes);
+    card.load({memory, points.size()}, stream());
+    for (int turn = 0; turn < 2; ++turn) {
+      card.run(params, {memory, points.size()}, stream());
+      ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);
+      EXPECT_EQ(difference(result, expected), "");
+      EXPECT_TRUE(std::ranges::equal(card.outliers(), cpu.outliers()));
+      EXPECT_EQ(card.report().unmoved, cpu.report().unmoved);
+      EXPECT_EQ(card.report().copies, cpu.report().copies);
+      card.normals({memory, points.size()}, stream());
+      ASSERT_EQ(cudaMemcpy(result.data(), memory, bytes, cudaMemcpyDeviceToHost), cudaSuccess);
+      EXPECT_EQ(difference(result, expected_normals), "");
+    }
+  }
 }
 
 TEST_F(CudaDevicePointsTest, normals_stay_on_the_card) {

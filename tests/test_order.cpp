@@ -77,6 +77,7 @@ std::vector<Named> clouds() {
       {"a cube on a coarse grid, full of ties", rounded(shapes::with_noise(shapes::cube(9000), 0.004), 256)},
       {"an uneven cloud with a stray and invalid points",
        shapes::with_invalid(shapes::with_stray(shapes::uneven(9000, 50), 1e5f), 13)},
+      {"every point three times, rounded", shapes::repeated(shapes::with_noise(shapes::waves(4000), 0.006), 3, 1e-6)},
       {"a thick sphere", shapes::with_noise(shapes::sphere(8000), 0.05)}};
 }
 

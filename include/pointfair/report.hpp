@@ -89,6 +89,9 @@ struct Report {
   Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
+  /// Points that repeat another one, exactly or but for rounding, in a cloud of which most do: they count for nothing
+  /// and got the result of that one, which brings them together. 0 where no parameter follows the noise.
+  std::uint64_t copies = 0;
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.
   /// If one kernel does normals and fairing there, its time is divided three to two, as two kernels would take it.
   /// `upload` to a card lasts until the caller may change the array again; the index begins before that.

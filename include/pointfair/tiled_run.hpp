@@ -75,6 +75,7 @@ struct TiledReport {
   std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
   std::uint64_t held = 0;     ///< others that the limits did not let move, and that are no outliers
   std::uint64_t short_neighborhoods = 0;
+  std::uint64_t copies = 0;                 ///< as in Report
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   double without_surface = 0;               ///< as in Estimates

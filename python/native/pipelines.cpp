@@ -303,7 +303,7 @@ Row as_tuple(const Report& report) {
                      nb::make_tuple(unmoved.outliers_by_reason.isolated, unmoved.outliers_by_reason.off_surface,
                                     unmoved.outliers_by_reason.mixed_pixels),
                      unmoved.boundary),
-      report.short_neighborhoods, stages, mesh_row(report.mesh),
+      report.short_neighborhoods, report.copies, stages, mesh_row(report.mesh),
       nb::make_tuple(report.solver.iterations, report.solver.residual), report.tiles, report.total_milliseconds,
       report.peak_host_bytes, report.peak_device_bytes, report.found_sensor);
 }

@@ -158,6 +158,9 @@ class Report:
     """Points that kept their place."""
     short_neighborhoods: int
     """Points whose constrained neighbourhood has fewer than k neighbours."""
+    copies: int
+    """Points that repeat another one, exactly or but for rounding, in a cloud of which most do: they count for nothing
+    and got the result of that one, which brings them together. 0 where no parameter follows the noise."""
     stages: tuple[Stage, ...]
     """The stages that ran, in order."""
     mesh: Mesh | None
@@ -192,10 +195,11 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
-    device, points, params, unmoved, short, stages, mesh, solver, tiles, milliseconds, host_bytes, device_bytes, place = row
+    (device, points, params, unmoved, short, copies, stages, mesh, solver, tiles, milliseconds, host_bytes, device_bytes,
+     place) = row
     non_finite, too_few_neighbors, no_normal, outliers, reasons, boundary = unmoved
     kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons), boundary)
-    return Report(device_of(device), points, Params._of(params), kept, short,
+    return Report(device_of(device), points, Params._of(params), kept, short, copies,
                   tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None,
                   Solver(*solver) if solver[0] else None, tiles, milliseconds, host_bytes, device_bytes,
                   tuple(place) if place else None, **more)

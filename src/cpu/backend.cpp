@@ -59,11 +59,23 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     located_.clear();
     if (upload_is_indexed_) first_.swap_faired(uploaded_);
     upload_is_indexed_ = false;
+    copies_.clear();
     points_ = points.size();
     make_room_for_upload();
     for_copies(points.size(), [&](std::size_t first, std::size_t last) {
       std::copy(points.begin() + first, points.begin() + last, uploaded_.data() + first);
     });
+  }
+
+  void set_aside(std::vector<Copy> copies) override {
+    further_ = Chain(meter_);
+    further_iteration_ = 0;
+    lost_.clear();
+    located_.clear();
+    if (upload_is_indexed_) restore_upload();
+    for (const Copy& copy : copies_) uploaded_[copy.point] = copy.place;
+    copies_ = std::move(copies);
+    for (const Copy& copy : copies_) uploaded_[copy.point] = {kNan, kNan, kNan};
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override {
@@ -102,6 +114,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
       }
     });
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
+    follow<Point>(copies_, points);
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
     if (limits.farthest > 0) return hold_back(points, limits, outliers);
     return may_miss_some ? hold_back(points, limits.or_endless(), outliers) : OutlierCounts{};
@@ -118,6 +131,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
         normals[originals[i]] = {vectors.x[i], vectors.y[i], vectors.z[i]};
       }
     });
+    follow<Point>(copies_, normals);
   }
   void download_input(std::span<Point> points) override {
     if (!upload_is_indexed_) {
@@ -127,11 +141,15 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     } else {
       from_index(points);
     }
+    for (const Copy& copy : copies_) points[copy.point] = copy.place;
   }
 
   Counts counts(int iteration) override {
     Counts counts = chain(iteration).counts();
-    counts.unmoved.non_finite = first_.counts().unmoved.non_finite;
+    counts.unmoved.non_finite = first_.counts().unmoved.non_finite - copies_.size();
+    add_copies(copies_, points_, counts, [&](std::span<unsigned char> outcomes) {
+      arena_.execute([&] { chain(iteration).outcomes(kEverywhere, kernels_, outcomes); });
+    });
     return counts;
   }
   Costs take_costs() override { return {{}, meter_.peak, 0, 1}; }
@@ -183,6 +201,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
 
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override {
     arena_.execute([&] { first_.outcomes(loaded, kernels_, out); });
+    follow(copies_, out);
   }
 
  private:
@@ -263,19 +282,24 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     const IndexView index = first_.index().view();
     const point::NodeField field = field_of(limits.levels.get());
     OutlierTally tally;
+    const auto hold_back_one = [&](Index original, point::Vec3<float> from, OutlierCounts& here) {
+      Point& p = points[original];
+      const auto limited = point::limited(from, {p.x, p.y, p.z}, limits, point::node_value(field, from));
+      p = {limited.place.x, limited.place.y, limited.place.z};
+      count(limited.outlier, here);
+      if (!outliers.empty()) outliers[original] = static_cast<std::uint8_t>(limited.outlier);
+    };
     for_copies(index.points, [&](std::size_t first, std::size_t last) {
       OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
         prefetch(points, first_.index().originals(), i);
-        Point& p = points[index.original[i]];
-        const point::Vec3<float> from{index.x[i], index.y[i], index.z[i]};
-        const auto limited = point::limited(from, {p.x, p.y, p.z}, limits, point::node_value(field, from));
-        p = {limited.place.x, limited.place.y, limited.place.z};
-        count(limited.outlier, here);
-        if (!outliers.empty()) outliers[index.original[i]] = static_cast<std::uint8_t>(limited.outlier);
+        hold_back_one(index.original[i], {index.x[i], index.y[i], index.z[i]}, here);
       }
       tally.add(here);
     });
+    OutlierCounts of_copies;
+    for (const Copy& copy : copies_) hold_back_one(copy.point, to_vec3(copy.place), of_copies);
+    tally.add(of_copies);
     return tally.counts();
   }
 
@@ -303,6 +327,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   std::uint64_t points_ = 0;
   Buffer<Point> uploaded_{meter_};
   bool upload_is_indexed_ = false;  // then the memory of the upload is lent to the first chain
+  std::vector<Copy> copies_;        // that are set aside; NaN in what is indexed
   Buffer<Point> input_{meter_};     // of iterations from the third on, in the order of the iteration before
   Buffer<Index> input_originals_{meter_};
   SortSpace space_{meter_};

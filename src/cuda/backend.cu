@@ -37,6 +37,34 @@ void CudaBackend::finish_upload() {
   upload_.finish();
 }
 
+void CudaBackend::set_aside(std::vector<Copy> copies) {
+  context_.enter();
+  first_.join();
+  upload_.finish();
+  wait_for_upload();
+  copies_.show(uploaded_.data());
+  copies_.set(std::move(copies));
+  copies_.hide(uploaded_.data());
+  fetched_iteration_ = kNone;
+  further_iteration_ = 0;
+  is_index_begun_ = false;
+}
+
+CudaBackend::ShownCopies::ShownCopies(CudaBackend& of, Chain& from) : of_(of), from_(from) {
+  if (!of_.copies_.any()) return;
+  from_.join();
+  of_.copies_.show(of_.uploaded_.data());
+  of_.copies_.follow(from_.faired().data());
+}
+
+CudaBackend::ShownCopies::~ShownCopies() {
+  try {
+    of_.copies_.hide(of_.uploaded_.data());
+    of_.copies_.hide(from_.faired().data());
+  } catch (const Error&) {  // a lost card: the next call says so
+  }
+}
+
 void CudaBackend::build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) {
   context_.enter();
   throw_if_stopped(stop);
@@ -88,6 +116,7 @@ OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, cons
   Chain& from = chain(iteration);
   const cudaEvent_t start = start_stage();
   leaving_.begin();
+  const ShownCopies shown(*this, from);
   if (Leaving::holds_back(iteration, limits)) {
     from.join();
     DeviceArray<Point> limited(context_);
@@ -112,6 +141,7 @@ void CudaBackend::download_normals(int iteration, std::span<Point> normals, std:
   DeviceArray<Point> restored(context_);
   restored.resize(normals.size());
   from.restore_normals(restored.data());
+  copies_.follow(restored.data());
   leaving_.copy(restored.data(), normals);
   deliver();
 }
@@ -122,6 +152,7 @@ void CudaBackend::download_input(std::span<Point> points) {
   upload_.finish();
   leaving_.copy(uploaded_.data(), points);
   wait();
+  for (const Copy& copy : copies_.all()) points[copy.point] = copy.place;
 }
 
 Counts CudaBackend::counts(int iteration) {
@@ -130,9 +161,16 @@ Counts CudaBackend::counts(int iteration) {
   const CloudState state = fetched_iteration_ == iteration ? *fetched_.get() : of.state();
   const Index valid = iteration == 0 ? state.valid : first_.state().valid;
   Counts counts;
-  counts.unmoved = {first_.points() - valid, state.too_few_neighbors, state.no_normal};
+  counts.unmoved = {first_.points() - valid - copies_.all().size(), state.too_few_neighbors, state.no_normal};
   counts.unmoved.boundary = of.held_of_boundary();
   counts.short_neighborhoods = state.short_neighborhoods;
+  add_copies(copies_.all(), uploaded_.size(), counts, [&](std::span<unsigned char> outcomes) {
+    DeviceArray<unsigned char> found(context_);
+    found.resize(outcomes.size());
+    of.find_outcomes(kEverywhere, found.data());
+    found.download(outcomes, "downloading outcomes");
+    wait();
+  });
   return counts;
 }
 
@@ -192,6 +230,7 @@ void CudaBackend::forget_cloud(std::size_t points) {
   clock_.forget();
   stop_line_.clear();
   callers_.forget();
+  copies_.forget();
   uploaded_.resize(points);
   further_iteration_ = 0;
   is_index_begun_ = is_arriving_ = false;

@@ -18,6 +18,7 @@
 #include "cuda/runtime/transfer.cuh"
 #include "cuda/sampling/cloud_sampler.cuh"
 #include "cuda/sampling/many_sampler.cuh"
+#include "cuda/stages/copies.cuh"
 #include "cuda/tiles/gathered_tiles.cuh"
 #include "seam/backend.hpp"
 #include "seam/device_memory.hpp"
@@ -66,6 +67,7 @@ class CudaBackend final : public Backend,
   void download(std::span<Point> points) override;
   void download(const DeviceOutput& points, DeviceStream stream) override;
 
+  void set_aside(std::vector<Copy> copies) override;
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) override;
   void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) override;
   void estimate_normals(int iteration, const NormalSettings& settings, std::stop_token stop) override;
@@ -149,6 +151,18 @@ class CudaBackend final : public Backend,
   // Copies the results of stages to the host.
   void deliver();
   void finish_download(Chain& from, cudaEvent_t start, int iteration);
+  // While a result leaves, copies are where they were uploaded, and where the chain's results bring them.
+  class ShownCopies {
+   public:
+    ShownCopies(CudaBackend& of, Chain& from);
+    ~ShownCopies();
+    ShownCopies(const ShownCopies&) = delete;
+    ShownCopies& operator=(const ShownCopies&) = delete;
+
+   private:
+    CudaBackend& of_;
+    Chain& from_;
+  };
   void refine(Chain& from, const DisplacementLimits& limits, std::span<std::uint8_t> outliers, const RefinedBy& by,
               DeviceArray<Point>& refined, const std::stop_token& stop);
 
@@ -169,6 +183,7 @@ class CudaBackend final : public Backend,
   bool is_arriving_ = false;       // the uploaded cloud
   cudaEvent_t arrived_ = nullptr;  // after which all of it is there
   DeviceArray<Point> uploaded_{context_};
+  CopiesAside copies_{context_};  // NaN in what was uploaded, but while a result leaves
   DeviceArray<Index> ends_{context_};
   std::vector<CloudSpan> clouds_;    // of many
   std::optional<CloudBatch> batch_;  // of all of them, or of some

@@ -31,6 +31,7 @@ OutlierCounts CudaBackend::download(int iteration, const DeviceOutput& points, D
   leaving_.begin();
   from.join();
   let_wait(stream);
+  const ShownCopies shown(*this, from);
   if (Leaving::holds_back(iteration, limits)) {
     DeviceArray<Point> limited(context_);
     leaving_.hold_back(uploaded_, from, limits, outliers, limited);
@@ -50,6 +51,7 @@ void CudaBackend::download_normals(int iteration, const DeviceOutput& normals, D
   DeviceArray<Point> restored(context_);
   restored.resize(normals.count);
   from.restore_normals(restored.data());
+  copies_.follow(restored.data());
   let_wait(stream);
   callers_.give_plain(restored.data(), normals);
   deliver();

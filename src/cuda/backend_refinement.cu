@@ -27,7 +27,11 @@ void CudaBackend::refine(Chain& from, const DisplacementLimits& limits, std::spa
   DeviceArray<std::uint8_t> held(context_);
   held.resize(count);
   refined.resize(count);
-  leaving_.hold_back(uploaded_, from, limits, outliers, refined, held.data());
+  {
+    const ShownCopies shown(*this, from);
+    leaving_.hold_back(uploaded_, from, limits, outliers, refined, held.data());
+  }
+  copies_.hide(refined.data());
   Refiner refiner(context_);
   {
     DeviceArray<Point> normals(context_);
@@ -40,6 +44,8 @@ void CudaBackend::refine(Chain& from, const DisplacementLimits& limits, std::spa
     refiner.take({uploaded_.data(), refined.data(), normals.data(), noise.data(), count}, by.frame);
   }
   refiner.run(by.weights, held.data(), refined.data(), stop);
+  copies_.follow(refined.data(), held.data());
+  const ShownCopies shown(*this, from);
   if (limits.farthest > 0) leaving_.limit(uploaded_, from, limits, refined);
 }
 
@@ -69,6 +75,7 @@ OutlierCounts CudaBackend::download_refined(int iteration, const DeviceOutput& p
   refine(from, limits, outliers, by, refined, stop);
   clock_.note("net", start);
   const cudaEvent_t computed = clock_.start();
+  const ShownCopies shown(*this, from);
   let_wait(stream);
   callers_.give(uploaded_.data(), refined.data(), points);
   finish_download(from, computed, iteration);

@@ -63,6 +63,7 @@ void CudaBackend::outcomes(const point::Region& loaded, std::span<unsigned char>
   first_.find_outcomes(loaded, found.data());
   found.download(out, "downloading outcomes");
   deliver();
+  follow(copies_.all(), out);
 }
 
 }  // namespace pointfair::cuda

@@ -260,7 +260,8 @@ class Resolver {
 
 Needed needed_by(const Params& asked) {
   const int usual = asked.min_neighbors == kAutomatic ? constants::kMinNeighbors : asked.min_neighbors;
-  return {{needs_spacing(asked), needs_noise(asked), sums_within_radius(asked) ? usual : 0}, needs_diagonal(asked)};
+  return {{needs_spacing(asked), needs_noise(asked), sums_within_radius(asked) ? usual : 0, needs_noise(asked)},
+          needs_diagonal(asked)};
 }
 
 Resolved resolve(const Params& asked, Estimate found, double diagonal) {

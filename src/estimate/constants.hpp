@@ -25,6 +25,9 @@ inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
 inline constexpr int kMostCopies = 2;          // times the points at one place; of more repeats, noise is shared; 141
 inline constexpr double kEvenDistances = 0.4;  // of squared distance over rank; chance is 0.69; 141
+inline constexpr double kLeastJump = 5;        // from the last copy to the next point; of lines 1.8; 141
+inline constexpr double kWithinCopies = 2;     // distances to the last copy, at most samples; 141
+inline constexpr double kStepsOfChance = 2;    // of coordinates, to the next place; copies by chance have 1; 141
 inline constexpr std::size_t kThinnedSamples = 2000;  // whose rows are long; 141
 
 // Rows of points that share an error.

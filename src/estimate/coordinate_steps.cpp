@@ -20,7 +20,7 @@ using point::Offset;
 using namespace constants;
 
 constexpr std::size_t kRow = kStepNeighbors + 1;
-static_assert(kRow == point::kHeadRow);
+static_assert(kRow <= point::kHeadRow);
 
 double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
 

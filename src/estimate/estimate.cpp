@@ -322,6 +322,12 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return rows;
   });
   const ForEach for_each = from.on_host();
+  if (wanted.seeks_copies)
+    if (const CopiesFound copies = copies_at_samples(nearest); copies.within >= 0) {
+      Estimate with_copies;
+      with_copies.copies = copies;
+      return with_copies;
+    }
   Spacing spacing;
   Repeats found;
   StepsInHeads in_heads;

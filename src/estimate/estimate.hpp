@@ -6,6 +6,7 @@
 #include <memory>
 #include <stop_token>
 
+#include "estimate/repeats.hpp"
 #include "estimate/sensor.hpp"
 #include "seam/sampling.hpp"
 #include "seam/settings.hpp"
@@ -61,7 +62,8 @@ std::size_t noise_queries(const CloudSample& sample);
 
 struct WantedEstimates {
   bool spacing = false, noise = false;
-  int nearest = 0;  // points, of each, that the stages will probably begin with; 0: unknown
+  int nearest = 0;            // points, of each, that the stages will probably begin with; 0: unknown
+  bool seeks_copies = false;  // with the noise; the estimate ends where it finds some
 };
 struct Estimate {
   Spacing spacing;
@@ -69,6 +71,7 @@ struct Estimate {
   std::shared_ptr<const NoiseLevels> levels{};       // of the noise; null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  // of NeighborSettings; null: 1 everywhere
   KnownSensor sensor{};                              // found with the noise
+  CopiesFound copies{};                              // if there are any, all else is to be measured without them
 };
 // The estimates that are wanted, made at points of the cloud's sample; the others are zero. Needs the index of the
 // first iteration. Throws Error(interrupted) once `stop` is triggered.

@@ -195,7 +195,46 @@ int first_even(const std::vector<double>& by_rank) {
   return rank;
 }
 
+// The least difference of a coordinate that is not 0 in a row, and the distance to the nearest other place; 0: none.
+std::pair<double, double> least_steps(std::span<const Point> row) {
+  double step = kEndless, distance = kEndless;
+  for (const Offset& o : offsets_of(row)) {
+    for (const double along : {o.x, o.y, o.z})
+      if (along != 0) step = std::min(step, std::abs(along));
+    if (const double length = point::length(o); length > 0) distance = std::min(distance, length);
+  }
+  return {step, distance};
+}
+
 }  // namespace
+
+CopiesFound copies_at_samples(const NearestRows& nearest) {
+  constexpr int kHead = kMostRepeats + 1;
+  static_assert(kHead < point::kHeadRow);
+  if (first_even(squared_distances_by_rank(nearest.of(nearest.looked_at(), kHead), kHead)) == 1) return {};
+  constexpr std::size_t kRow = kRepeatNeighbors + 1;
+  const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
+  const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
+  if (by_rank.empty()) return {};
+  CopiesFound found;
+  double greatest = kLeastJump;  // of the distance from one rank to the next
+  for (int k = 1; k < kMostRepeats; ++k) {
+    const double here = std::sqrt(by_rank[std::size_t(k) - 1] * k), next = std::sqrt(by_rank[std::size_t(k)] * (k + 1));
+    const double jump = here > 0 ? next / here : next > 0 ? kEndless : 1;
+    if (jump < greatest) continue;
+    greatest = jump;
+    found = {k + 1, kWithinCopies * here};
+  }
+  if (found.within < 0) return {};
+  std::vector<double> steps, distances;
+  for (std::size_t first = 0; first < rows.size(); first += kRow) {
+    if (std::isnan(rows[first].x)) continue;
+    const auto [step, distance] = least_steps(std::span(rows).subspan(first, kRow));
+    steps.push_back(step);
+    distances.push_back(distance);
+  }
+  return median(distances) < kStepsOfChance * median(steps) ? CopiesFound{} : found;
+}
 
 Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {
   if (rows_share_errors(nearest, for_each)) return {kMostRepeats};

@@ -13,6 +13,15 @@ struct Repeats {
   int copies = 1;  // of these, at exactly one place
 };
 
+// Copies that most samples have: so many points at a place, up to a distance that is far below the next one.
+struct CopiesFound {
+  int points = 1;
+  double within = -1;  // negative: there are none
+};
+// Asks for rows of eight, and for longer ones where these are uneven. Copies by chance, of coordinates that were
+// rounded as coarsely as points lie apart, are none.
+CopiesFound copies_at_samples(const NearestRows& nearest);
+
 // Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where
 // it is far smaller before some k, as many lie together. Of rows that are off from each other, the
 // most. Asks for rows of eight, and for longer ones where these are uneven or along lines.

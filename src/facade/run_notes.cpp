@@ -23,6 +23,7 @@ struct Look {
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
   bool is_shared = false;                         // the noise, in neighbourhoods that the run chose
+  std::uint64_t copies = 0;                       // points
 };
 
 std::string written(double value, std::chars_format format, int digits) {
@@ -73,6 +74,12 @@ void add_long_wave(const Look& look, std::vector<std::string>& notes) {
   notes.push_back(
       "the noise looks long-wave: neighbouring points share it, or rows or copies of points repeat it; of such noise, "
       "averaging removes a part only: measure a flat place before and after");
+}
+
+void add_copies(const Look& look, std::vector<std::string>& notes) {
+  if (look.copies == 0) return;
+  notes.push_back(std::to_string(look.copies) + (look.copies == 1 ? " point repeats" : " points repeat") +
+                  " another one, exactly or but for rounding: each place counted once, and they got its result");
 }
 
 void add_no_surface(const Look& look, std::vector<std::string>& notes) {
@@ -140,6 +147,7 @@ std::vector<std::string> notes_on(const Look& look) {
   add_sparse(look, notes);
   add_large(look, notes);
   add_long_wave(look, notes);
+  add_copies(look, notes);
   add_no_surface(look, notes);
   return notes;
 }
@@ -219,7 +227,8 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .moved = moved,
                 .finite = estimates.finite,
                 .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
-                .is_shared = tells_of_shared(asked, estimates.noise_is_shared)});
+                .is_shared = tells_of_shared(asked, estimates.noise_is_shared),
+                .copies = report.copies});
   add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);
   return notes;
 }
@@ -244,7 +253,8 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .moved = report.displacement,
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
-                .is_shared = tells_of_shared(report.asked, report.noise_is_shared)});
+                .is_shared = tells_of_shared(report.asked, report.noise_is_shared),
+                .copies = report.copies});
   add_mixed_systems(report.systems, notes);
   add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, report.diagonal, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);

@@ -218,6 +218,7 @@ TiledReport TiledRun::report() const {
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
     report.short_neighborhoods = counts.short_neighborhoods;
+    report.copies = counts.copies;
     add_written(folder.files_of(steps.back()), report);
     return report;
   });

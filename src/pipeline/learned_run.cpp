@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/learned_run.hpp"
 
+#include <limits>
 #include <memory>
 #include <vector>
 
@@ -13,6 +14,7 @@ namespace pointfair {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 14;  // points that one core takes at once
+constexpr float kNoPlace = std::numeric_limits<float>::quiet_NaN();
 
 // The whole way of a point is limited as that of any method. Outliers were found before.
 void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sampling& by, std::span<Point> out) {
@@ -110,12 +112,18 @@ OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::
     backend.download_input(measured);
     backend.download_normals(iteration, normals, stop);
     Sampling& sampling = backend.sampling();
+    for (const Copy& copy : cloud.copies_aside())  // the net sees none
+      measured[copy.point] = out[copy.point] = {kNoPlace, kNoPlace, kNoPlace};
     tell_noise(measured, sigma, noise);
     const Frame its = frame();
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
     const Classical classical{measured, out, normals, noise, held};
     if (!refine_on_card(cloud, classical, *weights, its, out, stop))
       sampling.for_each_on_host(1, [&](std::size_t) { refine(classical, *weights, its, out, stop); });
+    for (const Copy& copy : cloud.copies_aside()) {
+      measured[copy.point] = copy.place;
+      out[copy.point] = held[copy.point] || held[copy.first] ? copy.place : out[copy.first];
+    }
     limit(measured, limits, sampling, out);
     return counts;
   });

@@ -5,7 +5,9 @@
 
 #include "pointfair/pipeline.hpp"
 #include "pointfair/positions.hpp"
+#include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
+#include "seam/sampling.hpp"
 #include "tiles/divided_backend.hpp"
 
 namespace pointfair {
@@ -28,6 +30,11 @@ void LoadedCloud::forget() {
   cached = {};
   sample.reset();
   spacing.reset();
+  copies.reset();
+  sample_without_copies.reset();
+  spacing_without_copies.reset();
+  copies_.clear();
+  are_copies_aside_ = false;
   noise.reset();
   levels.reset();
   reach_levels.reset();
@@ -59,11 +66,32 @@ void LoadedCloud::carry_over(const std::function<void()>& make) {
     reset();
     make();
     upload(input, cached.order, false);
+    if (are_copies_aside_) backend_->set_aside(copies_);
   } catch (...) {
     drop();
     throw;
   }
   cached = {};
+}
+
+void LoadedCloud::find_copies(const CopyRule& rule, int times) {
+  std::vector<Point> points(points_);
+  backend().download_input(points);
+  backend().sampling().for_each_on_host(1, [&](std::size_t) { copies_ = copies_among(points, rule, kEverywhere); });
+  std::vector<std::uint32_t> firsts;
+  std::vector<Point> places;
+  for (const std::uint32_t index : sample->indices) {
+    firsts.push_back(first_of(copies_, index));
+    places.push_back(points[firsts.back()]);
+  }
+  sample_without_copies = once_each(*sample, firsts, places, times);
+}
+
+void LoadedCloud::set_copies_aside(bool aside) {
+  if (aside == are_copies_aside_) return;
+  cached = Cached{.order = cached.order, .settings = {}};
+  backend().set_aside(aside ? copies_ : std::vector<Copy>{});
+  are_copies_aside_ = aside;
 }
 
 bool LoadedCloud::move_to_cpu() {

@@ -55,10 +55,22 @@ class LoadedCloud {
   Backend& backend();  // throws Error(device) if the device was lost for good
   std::uint64_t points() const { return points_; }
 
+  // Finds the copies by the rule, and the sample of the cloud without them; `times` as CopiesFound::points.
+  void find_copies(const CopyRule& rule, int times);
+  // Whether stages see the cloud without the copies that were found; nothing is cached after a change.
+  void set_copies_aside(bool aside);
+  bool are_copies_aside() const { return are_copies_aside_; }
+  std::span<const Copy> copies_aside() const {
+    return are_copies_aside_ ? std::span<const Copy>(copies_) : std::span<const Copy>();
+  }
+
   Cached cached;
   // Measured once, of the cloud as loaded; null: not yet.
   std::optional<CloudSample> sample;
   std::optional<Spacing> spacing;
+  std::optional<CopiesFound> copies;  // with the noise, which is of the cloud without them, as the next two
+  std::optional<CloudSample> sample_without_copies;
+  std::optional<Spacing> spacing_without_copies;
   std::optional<Noise> noise;
   std::shared_ptr<const NoiseLevels> levels;       // with the noise, as the next; null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels;  // of NeighborSettings
@@ -81,6 +93,8 @@ class LoadedCloud {
   TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles of a cloud in host memory
   bool is_divided_ = false;           // whether several devices share what lies on the first
   bool is_on_cpu_ = false;            // whether it was moved there
+  bool are_copies_aside_ = false;
+  std::vector<Copy> copies_;
   MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into

@@ -34,20 +34,45 @@ const Frame& Pipeline::State::frame() {
 
 // Queries leave what is cached as it is, but for an index where there is none.
 void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop) {
-  if (cloud.spacing) wanted.spacing = false;
+  const bool with_noise = wanted.noise;
+  if (spacing(with_noise)) wanted.spacing = false;
   if (cloud.noise) wanted.noise = false;
   if (!wanted.spacing && !wanted.noise) return;
   sample();
-  look_at_neighbors(order, stop, [&](Sampling& sampling) {
-    const Estimate found = estimate(sampling, *cloud.sample, wanted, stop);
-    if (wanted.spacing) cloud.spacing = found.spacing;
-    if (wanted.noise) {
-      cloud.noise = found.noise;
-      cloud.levels = found.levels;
-      cloud.reach_levels = found.reach_levels;
-      cloud.sensor = found.sensor;
-    }
-  });
+  set_copies_aside(with_noise && has_copies());
+  wanted.seeks_copies = with_noise && !cloud.copies;
+  Estimate found;
+  const auto look = [&](Sampling& sampling) { found = estimate(sampling, seen_sample(), wanted, stop); };
+  look_at_neighbors(order, stop, look);
+  if (std::exchange(wanted.seeks_copies, false)) {
+    const bool any = found.copies.within >= 0;
+    if (any) cloud.find_copies({found.copies.within, frame().corner}, found.copies.points);
+    cloud.copies = found.copies;
+    set_copies_aside(any);
+    if (any) look_at_neighbors(order, stop, look);
+  }
+  if (wanted.spacing) spacing(with_noise) = found.spacing;
+  if (wanted.noise) {
+    cloud.noise = found.noise;
+    cloud.levels = found.levels;
+    cloud.reach_levels = found.reach_levels;
+    cloud.sensor = found.sensor;
+  }
+}
+
+// A cloud is measured without its copies where noise is asked for, whatever was measured before.
+std::optional<Spacing>& Pipeline::State::spacing(bool with_noise) {
+  return with_noise && has_copies() ? cloud.spacing_without_copies : cloud.spacing;
+}
+
+const CloudSample& Pipeline::State::seen_sample() {
+  return cloud.are_copies_aside() ? *cloud.sample_without_copies : sample();
+}
+
+void Pipeline::State::set_copies_aside(bool aside) {
+  if (aside == cloud.are_copies_aside()) return;
+  beam_samples_.reset();
+  cloud.set_copies_aside(aside);
 }
 
 // Needs the index of the first iteration, and builds it if there is none.
@@ -66,7 +91,7 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
   estimates = Estimates{{b.min.x, b.min.y, b.min.z},
                         {b.max.x, b.max.y, b.max.z},
                         diagonal_of(b),
-                        cloud.spacing->mean,
+                        spacing(true)->mean,
                         noise().sigma,
                         cloud.points(),
                         b.valid,
@@ -105,9 +130,9 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
 
 // Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
 // exactly on a surface; where no sample shows any, there is no surface either.
-bool Pipeline::State::is_measured(const Params& params) const {
+bool Pipeline::State::is_measured(const Params& params) {
   const WantedEstimates needed = needed_by(params).estimates;
-  if (needed.spacing && !(cloud.spacing->mean > 0)) return false;
+  if (needed.spacing && !(spacing(needed.noise)->mean > 0)) return false;
   const bool seeks_noise = needed.noise && params.noise.is_automatic() && !given_noise_;
   return !seeks_noise || cloud.noise->surface_spacing > 0;
 }
@@ -143,11 +168,12 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   const Needed needed = needed_by(params);
   measure(needed.estimates, order_for(params), stop);
   Estimate found;
-  if (needed.estimates.spacing) found.spacing = *cloud.spacing;
+  if (needed.estimates.spacing) found.spacing = *spacing(needed.estimates.noise);
   if (needed.estimates.noise)
     found = {found.spacing, noise(), levels(), cloud.reach_levels, seeks_sensor_ ? cloud.sensor : KnownSensor{}};
-  Resolved used = pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
-  return used;
+  // along a mesh a place is a vertex, which counts once as it is
+  set_copies_aside(needed.estimates.noise && has_copies() && params.connectivity != Connectivity::mesh);
+  return pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
 }
 
 void Pipeline::State::set_noise(std::span<const float> sigmas) {
@@ -191,7 +217,7 @@ KnownSensor Pipeline::State::known_sensor(const Params& used, const std::stop_to
   KnownSensor known{sensors_};
   if (!seeks_mixed_pixels(used)) return known;
   if (!beam_samples_) {
-    const CloudSample& its = sample();
+    const CloudSample& its = seen_sample();
     look_at_neighbors(order_for(used), stop,
                       [&](Sampling& sampling) { beam_samples_ = beam_samples(sampling, its, *sensors_); });
   }

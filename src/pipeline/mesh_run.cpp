@@ -56,7 +56,7 @@ double Pipeline::State::in_file_units(const Length& length, IndexOrder order, co
   if (length.unit == Length::Unit::percent) return length.value * diagonal_of(sample().bounds) / 100;
   if (length.unit != Length::Unit::spacing) return length.value;
   measure({true, false}, order, stop);
-  return length.value * cloud.spacing->mean;
+  return length.value * spacing(false)->mean;
 }
 
 // What methods fleishman and jones measure along the faces; other parameters stay as they are.

@@ -132,8 +132,8 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   Settings settings = settings_of(resolved, known_sensor(used, stop));
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
-  execute(plan(cloud.cached, {settings, last_order_, used.iterations}), std::size_t(4) * std::size_t(used.iterations),
-          stop, progress);
+  const Wanted wanted{settings, last_order_, used.iterations};
+  execute(plan(cloud.cached, wanted), std::size_t(4) * std::size_t(used.iterations), stop, progress);
 
   Backend& backend = cloud.backend();
   std::vector<std::uint8_t> marks(used.outliers == Outliers::mark ? cloud.points() : 0);
@@ -146,12 +146,13 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
 
   unfinished_ = false;
   outliers = std::move(marks);
-  shown_ = last;
+  shown_ = {last, wanted, cloud.are_copies_aside()};
   report = {device_of_cloud(),
             cloud.points(),
             used,
             counts.unmoved,
             counts.short_neighborhoods,
+            counts.copies,
             log_.stages(),
             mesh_found,
             backend.solver_report(last),
@@ -211,15 +212,19 @@ void Pipeline::State::drop_times_of_failed_run() {
   if (std::exchange(unfinished_, false)) log_.collect(cloud.backend());
 }
 
-// The iteration whose normals can be told.
-int Pipeline::State::shown(std::size_t room) const {
+// The iteration whose normals can be told. Estimates since then may have needed the cloud without its copies.
+int Pipeline::State::shown(std::size_t room, const std::stop_token& stop) {
   if (!shown_ || room != cloud.points())
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
-  return *shown_;
+  if (shown_->without_copies != cloud.are_copies_aside()) {
+    set_copies_aside(shown_->without_copies);
+    execute(plan(cloud.cached, shown_->wanted), 1, stop, {});
+  }
+  return shown_->iteration;
 }
 
 void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop) {
-  cloud.backend().download_normals(shown(out.size()), out, stop);
+  cloud.backend().download_normals(shown(out.size(), stop), out, stop);
   if (!sensors_) return;
   std::vector<Point> points(out.size());
   cloud.backend().download_input(points);
@@ -233,6 +238,6 @@ void Pipeline::State::normals(std::span<Point> out, const std::stop_token& stop)
 }
 
 void Pipeline::State::normals(const DeviceOutput& out, DeviceStream stream) {
-  device_memory().download_normals(shown(out.count), out, stream);
+  device_memory().download_normals(shown(out.count, {}), out, stream);
 }
 }  // namespace pointfair

@@ -83,7 +83,7 @@ struct Pipeline::State {
   void go_where_it_runs(const Params& params);
   DeviceInfo device_of_cloud();
   Resolved resolve_once(const Params& params, const std::stop_token& stop);
-  bool is_measured(const Params& params) const;
+  bool is_measured(const Params& params);
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
                    const ProgressFunction& progress);
@@ -110,10 +110,14 @@ struct Pipeline::State {
   void run_groups(const std::vector<Group>& groups, std::size_t workers, const RunTogether& run_together,
                   const RunAlone& run_alone);
   static void run_stages_of_all(Backend& backend, const Params& used, const std::stop_token& stop);
-  int shown(std::size_t room) const;
+  int shown(std::size_t room, const std::stop_token& stop);
   DeviceMemory& device_memory();
   void attempt(const std::function<void()>& work);
   const CloudSample& sample();
+  const CloudSample& seen_sample();  // of what stages see
+  bool has_copies() const { return cloud.copies && cloud.copies->within >= 0; }
+  void set_copies_aside(bool aside);
+  std::optional<Spacing>& spacing(bool with_noise);
   const Frame& frame();
   const LoadedMesh& mesh();
   double sigma_of(const Params& used);
@@ -153,7 +157,13 @@ struct Pipeline::State {
   std::shared_ptr<const SensorPlaces> sensors_;          // of the loaded cloud, as it was given; null: unknown
   bool seeks_sensor_ = true;                             // by the distances between points
   std::optional<std::vector<BeamSample>> beam_samples_;  // of those, once they are measured
-  std::optional<int> shown_;                     // the iteration whose results were delivered last, while they are held
+  // The last run: the iteration whose results were delivered, and what has them held again if they are not any more.
+  struct Shown {
+    int iteration;
+    Wanted wanted;
+    bool without_copies;
+  };
+  std::optional<Shown> shown_;
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like
   double upload_milliseconds_ = 0;               // not yet reported
   bool upload_times_itself_ = false;             // the costs tell how long it took

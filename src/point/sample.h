@@ -45,8 +45,9 @@ inline constexpr int kSpacingNeighbors = 6;
 // one before. Rows are asked for in two lengths: a row of the nearest begins with every shorter one, so each serves
 // half of the rounds.
 inline constexpr int kLeastFit = 20, kFirstFit = 30, kFirstRow = 115, kLastRow = 600;
-// Of a row: the sample and those that show steps of coordinates (src/estimate/coordinate_steps.cpp).
-inline constexpr int kHeadRow = 9;
+// Of a row: the sample and those that show steps of coordinates (src/estimate/coordinate_steps.cpp) or that there are
+// copies (src/estimate/repeats.cpp).
+inline constexpr int kHeadRow = 18;
 // The same with those that may hide a surface (src/estimate/hidden_surface.cpp), and of how many rows, the first ones.
 inline constexpr int kNearRow = 33, kNearRows = 500;
 // Samples whose residuals stand for one place (src/estimate/noise_levels.cpp).

@@ -21,8 +21,10 @@ PointsHeader header_of(const Counts& counts, const std::optional<TaskCounts>& fi
   header.counts[kTooFewCount] = counts.unmoved.too_few_neighbors;
   header.counts[kNoNormalCount] = counts.unmoved.no_normal;
   header.counts[kShortCount] = counts.short_neighborhoods;
+  header.counts[kCopiesCount] = counts.copies;
   if (first_counts)
-    for (const std::size_t kind : {kTooFewCount, kNoNormalCount}) header.counts[kind] = (*first_counts)[kind];
+    for (const std::size_t kind : {kTooFewCount, kNoNormalCount, kCopiesCount})
+      header.counts[kind] = (*first_counts)[kind];
   return header;
 }
 

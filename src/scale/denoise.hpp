@@ -18,7 +18,7 @@
 namespace pointfair::scale {
 
 /// What the counts of a tile's file are.
-inline constexpr std::size_t kTooFewCount = 1, kNoNormalCount = 2, kShortCount = 3;
+inline constexpr std::size_t kTooFewCount = 1, kNoNormalCount = 2, kShortCount = 3, kCopiesCount = 4;
 
 struct TileWork {
   const StoredCloud& input;

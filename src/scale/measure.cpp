@@ -45,6 +45,18 @@ class StoredSampling final : public Sampling, private PointStore {
     return sample;
   }
 
+  // From now on rows have no copies. Returns the sample where each place counts once.
+  CloudSample set_aside(const CopyRule& rule, const CloudSample& sample, int times) {
+    copies_ = rule;
+    std::vector<Point> places = sample.points;
+    if (!cloud_.zones().are_several()) {  // else places are relative to the cloud's origin, and rows are not
+      std::vector<Point> rows(2 * places.size());
+      sample_neighborhoods(sample.indices, 1, rows);
+      for (std::size_t i = 0; i < places.size(); ++i) places[i] = rows[2 * i];
+    }
+    return once_each(sample, sample.indices, places, times);
+  }
+
   // Queries are indices in the sample.
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
     std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
@@ -54,14 +66,14 @@ class StoredSampling final : public Sampling, private PointStore {
       of_origin[queries_[queries[q]].origin].push_back(q);
       places.push_back(queries_[queries[q]].place);
     }
-    const ExactRows rows{
-        k, places, out, [&](const TileWorker& worker, std::size_t q) {
-          return std::uint32_t(
-              std::ranges::find_if(worker.points, [&](const Point& p) { return same_place(p, places[q]); }) -
-              worker.points.begin());
-        }};
+    ExactRows rows{k, places, out, [&](const TileWorker& worker, std::size_t q) {
+                     return std::uint32_t(
+                         std::ranges::find_if(worker.points, [&](const Point& p) { return same_place(p, places[q]); }) -
+                         worker.points.begin());
+                   }};
     TileWorker worker(backend_);
     for (const auto& [origin, around] : of_origin) {
+      rows.copies = relative_to(origin, copies_, cloud_.zones());
       const StoredCloud seen = cloud_.seen_from(origin);
       seen_ = &seen;
       std::map<std::size_t, std::vector<std::size_t>> of_leaf;
@@ -151,6 +163,7 @@ class StoredSampling final : public Sampling, private PointStore {
   std::uint64_t bytes_of_point_, most_;  // points that are loaded at once
   KeptLeaves leaves_;
   std::vector<Query> queries_;
+  CopyRule copies_{};
   std::vector<Point> loaded_;
   const StoredCloud* seen_ = nullptr;  // from the origin that is sampled around
 };
@@ -167,14 +180,21 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
                  const std::stop_token& stop) {
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.counts()[kIgnored];
-  const WantedEstimates wanted = needed_by(plan.params).estimates;
+  WantedEstimates wanted = needed_by(plan.params).estimates;
   measured.sensor.places = sensor_of(plan, plan.origin);
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);
-  const CloudSample sample = sampling.sample_cloud(kSampledPoints);
-  if (sums_within_radius(plan.params)) measured.frame = frame_of(sample);
-  const Estimate found = estimate(sampling, sample, wanted, stop);
+  CloudSample sample = sampling.sample_cloud(kSampledPoints);
+  const Frame frame = frame_of(sample);
+  if (sums_within_radius(plan.params)) measured.frame = frame;
+  Estimate found = estimate(sampling, sample, wanted, stop);
+  if (found.copies.within >= 0) {
+    measured.copies = {found.copies.within, frame.corner};
+    sample = sampling.set_aside(measured.copies, sample, found.copies.points);
+    wanted.seeks_copies = false;
+    found = estimate(sampling, sample, wanted, stop);
+  }
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
     measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
@@ -198,9 +218,9 @@ void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, P
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
   visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
             surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-            without_surface, m.ignored, m.sensor.beam_width);
-  for (Point* p :
-       {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.frame.reference, &levels.first, &reach_levels.first, &sensor})
+            without_surface, m.ignored, m.sensor.beam_width, m.copies.within);
+  for (Point* p : {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.copies.corner, &m.frame.reference, &levels.first,
+                   &reach_levels.first, &sensor})
     visit_all(p->x, p->y, p->z);
   for (double& quantile : levels.quantiles) visit(quantile);
   for (NodeLevels* its : {static_cast<NodeLevels*>(&levels), &reach_levels}) visit_all(its->nodes, its->nodes_per_unit);

@@ -24,6 +24,7 @@ struct Measured {
   Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
   std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
   std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
+  CopyRule copies{};                                 ///< of points that are set aside
   std::uint64_t ignored = 0;                         ///< finite points that were left out
   KnownSensor sensor{};                              ///< of the place that the plan says, or found
 };

@@ -26,7 +26,7 @@ struct Section {
 };
 
 /// What a task counted; what each number is, its task says.
-using TaskCounts = std::array<std::uint64_t, 4>;
+using TaskCounts = std::array<std::uint64_t, 5>;
 
 /// What a file begins with.
 struct PointsHeader {

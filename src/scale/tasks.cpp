@@ -165,6 +165,8 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   FramedSettings settings{resolved_->settings, {}};
   if (sums_within_radius(folder_.plan.params)) settings.frame = measured_->frame;
   settings.fairing.is_further = step.iteration > 0;
+  settings.copies = measured_->copies;
+  if (step.iteration > 0 && settings.copies.any()) settings.copies.within = 0;  // the step before brought them together
   const bool is_last = step.iteration + 1 == folder_.plan.iterations;
   std::optional<TaskCounts> first_counts;
   if (step.iteration > 0)
@@ -240,6 +242,7 @@ Counts Tasks::counts() const {
     all.unmoved.too_few_neighbors += counts[kTooFewCount];
     all.unmoved.no_normal += counts[kNoNormalCount];
     all.short_neighborhoods += counts[kShortCount];
+    all.copies += counts[kCopiesCount];
   }
   if (resolved_ && !moves_along_normal(resolved_->params.method)) all.unmoved.no_normal = 0;
   all.unmoved.non_finite = folder_.plan.points - measured_->bounds.valid - measured_->ignored;

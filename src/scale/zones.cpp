@@ -109,6 +109,12 @@ Zones zones_of(const Cloud& cloud) {
   return {cloud.origin, zone_side(source.sample(), source.size(), cloud.origin, coordinate_step(source))};
 }
 
+CopyRule relative_to(const Position& origin, CopyRule rule, const Zones& zones) {
+  if (origin == zones.origin) return rule;
+  const auto half = float(zones.side / 2);
+  return {rule.within, {-half, -half, -half}};
+}
+
 FramedSettings relative_to(const Position& origin, const FramedSettings& stages, const Zones& zones) {
   if (origin == zones.origin) return stages;
   const Position shift = difference(zones.origin, origin);
@@ -120,6 +126,7 @@ FramedSettings relative_to(const Position& origin, const FramedSettings& stages,
     return decltype(levels)(moved);
   };
   FramedSettings moved = stages;
+  moved.copies = relative_to(origin, stages.copies, zones);
   moved.neighbors.levels = move(stages.neighbors.levels);
   moved.neighbors.reach_levels = move(stages.neighbors.reach_levels);
   if (const auto& sensors = stages.fairing.sensors) {

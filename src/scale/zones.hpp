@@ -60,6 +60,7 @@ Zones zones_of(const Cloud& cloud);
 
 /// What the stages read, where the settings hold for offsets from the cloud's origin, for offsets from another one: the
 /// middle of a zone.
+CopyRule relative_to(const Position& origin, CopyRule rule, const Zones& zones);
 FramedSettings relative_to(const Position& origin, const FramedSettings& stages, const Zones& zones);
 
 }  // namespace pointfair::scale

@@ -14,6 +14,7 @@
 #include "pointfair/cloud.hpp"
 #include "pointfair/device.hpp"
 #include "pointfair/report.hpp"
+#include "seam/copies.hpp"
 #include "seam/settings.hpp"
 
 namespace pointfair {
@@ -36,6 +37,7 @@ enum class IndexOrder : std::uint8_t {
 struct Counts {
   UnmovedCounts unmoved;  // without outliers, which download() counts
   std::uint64_t short_neighborhoods = 0;
+  std::uint64_t copies = 0;  // that are set aside
 };
 
 // A stage of one iteration; iterations count from 0.
@@ -70,6 +72,9 @@ class Backend {
   // Drops all results. `expected` is the order of the index that will be asked for first: a device may begin it
   // meanwhile.
   virtual void upload(std::span<const Point> points, IndexOrder expected) = 0;
+  // From now on, until the next upload, no stage sees these points, and they get the results of those that they are
+  // copies of, which are brought together with them. Empty: all are seen. Drops all results.
+  virtual void set_aside(std::vector<Copy> copies) = 0;
   // Along the curve of `frame`, or in the fastest order without one.
   virtual void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token stop) = 0;
   virtual void find_neighbors(int iteration, const NeighborSettings& settings, std::stop_token stop) = 0;

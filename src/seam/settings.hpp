@@ -99,6 +99,14 @@ struct Frame {
   }
 };
 
+// A point is a copy of the one within this distance that comes first by a hash of its offset from the corner of the
+// cloud, which prefers no direction. 0: exact copies are; negative: nothing is.
+struct CopyRule {
+  double within = -1;
+  Point corner{};  // as of Frame
+  bool any() const { return within >= 0; }
+};
+
 // What the stages of an iteration read.
 struct Settings {
   NeighborSettings neighbors;
@@ -111,6 +119,7 @@ struct Settings {
 // The same with what the index reads.
 struct FramedSettings : Settings {
   std::optional<Frame> frame;  // null: the index is in the fastest order
+  CopyRule copies{};           // of points that are set aside, where tiles find them
 };
 
 }  // namespace pointfair

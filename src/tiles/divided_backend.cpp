@@ -10,6 +10,7 @@
 #include "seam/clock.hpp"
 #include "seam/device_memory.hpp"
 #include "seam/device_tiles.hpp"
+#include "seam/exactness.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
 #include "tiles/choice.hpp"
@@ -53,6 +54,12 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   Origin upload(const DevicePoints& points, DeviceStream stream, const ChooseOrigin& choose, IndexOrder) override {
     forget(points.count);
     return memory().upload(points, stream, choose, IndexOrder::along_curve);
+  }
+
+  void set_aside(std::vector<Copy> copies) override {
+    forget(points_);
+    copies_ = copies;
+    whole_->set_aside(std::move(copies));
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token) override {
@@ -106,7 +113,11 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
 
   Counts counts(int iteration) override {
     Counts counts = held(iteration).counts;
-    counts.unmoved.non_finite = points_ - bounds().valid;
+    counts.unmoved.non_finite = points_ - bounds().valid - copies_.size();
+    add_copies(copies_, points_, counts, [&](std::span<unsigned char> outcomes) {
+      estimate_whole(0, {});
+      whole_->exactness()->outcomes(kEverywhere, outcomes);
+    });
     return counts;
   }
   Costs take_costs() override {
@@ -154,6 +165,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   }
   void forget(std::size_t points) {
     points_ = points;
+    copies_.clear();
     further_iteration_ = 0;
     is_indexed_ = false;
     cells_.clear();
@@ -253,6 +265,7 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
   std::vector<std::function<std::unique_ptr<Backend>()>> of_devices_;
   std::vector<std::unique_ptr<Backend>> workers_;
   std::size_t cells_wanted_, points_ = 0;
+  std::vector<Copy> copies_;  // that are set aside
   std::vector<point::Cell> cells_;
   std::optional<Bounds> bounds_;  // of what was uploaded
   Iteration first_, further_;

@@ -30,6 +30,7 @@ void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::siz
       continue;
     }
     worker.upload(IndexOrder::fastest);
+    worker.set_aside(copies);
     left.push_back({fill_exact(worker, asked), 2 * its_halo});
     worker.note_costs();
   }
@@ -39,6 +40,9 @@ void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::siz
 std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked) const {
   std::vector<std::uint32_t> places;
   for (const std::size_t q : asked) places.push_back(find(worker, q));
+  const std::vector<std::uint32_t> asked_for = places;
+  for (std::uint32_t& place : places) place = first_of(worker.copies, place);
+  const point::Region surely_known = without_border(worker.loaded, copies);
   const std::size_t row_size = std::size_t(k) + 1;
   std::vector<Point> found(places.size() * row_size);
   worker.backend->build_index(0, std::nullopt, {});
@@ -49,7 +53,8 @@ std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const s
     const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
     const bool full = is_indexed(row[k]);
     if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0, full ? point::squared_length(last - here) : 0.0f,
-                             point::squared_gap_to_outside(worker.loaded, here))) {
+                             point::squared_gap_to_outside(surely_known, here)) &&
+        is_sure(worker.copies, asked_for[r])) {
       std::copy_n(row, row_size, &out[asked[r] * row_size]);
     } else {
       left.push_back(asked[r]);

@@ -19,6 +19,7 @@ struct ExactRows {
   std::span<Point> out;
   // Where a query is among the points that the worker has loaded.
   std::function<std::uint32_t(const TileWorker& worker, std::size_t query)> find;
+  CopyRule copies{};  // which no row has; a query that is one gets the row of its first
 
   // Fills the rows of some queries, with what lies so far around them at first, and twice as far around those whose
   // rows would not be the same with the whole cloud. Where what lies around all of them does not fit, halves follow.

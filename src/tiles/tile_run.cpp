@@ -7,6 +7,7 @@
 
 #include "seam/exactness.hpp"
 #include "seam/overlap.hpp"
+#include "seam/sampling.hpp"
 #include "seam/stop.hpp"
 #include "tiles/halves.hpp"
 
@@ -65,6 +66,7 @@ class Engine {
     if (!run_.store.load(worker.loaded, worker)) return split(worker);
     within_memory(worker, [&] {
       worker.upload(run_.stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
+      worker.set_aside(run_.stages.copies);
       run_stages(*worker.backend, 0, settings_for(run_.stages, worker.numbers), stop_);
     });
   }
@@ -80,7 +82,9 @@ class Engine {
     const bool is_there = within_memory(worker, [&] {
       backend.download(0, worker.results, {}, {});
       worker.outcomes.resize(worker.points.size());
-      backend.exactness()->outcomes(worker.loaded, worker.outcomes);
+      backend.exactness()->outcomes(without_border(worker.loaded, run_.stages.copies), worker.outcomes);
+      for (const Copy& copy : worker.copies)
+        if (!copy.is_sure) worker.outcomes[copy.point] = 0;
       if (run_.result == TileRun::Result::normals) backend.download_normals(0, worker.results, {});
       worker.note_costs();
     });
@@ -116,10 +120,14 @@ class Engine {
       run_.store.keep(numbers.subspan(first, last - first), worker.results.subspan(first, last - first),
                       std::span(worker.outcomes).subspan(first, last - first));
     });
+    Counts of_copies;
+    for (const Copy& copy : worker.copies)
+      of_copies.copies += copy.point < numbers.size() && worker.outcomes[copy.point] != 0;
     Indices all;
     for (const Indices& some : left) all.insert(all.end(), some.begin(), some.end());
     const std::lock_guard lock(mutex_);
     for (const Counts& some : counts) add(counts_, some);
+    add(counts_, of_copies);
     return all;
   }
 
@@ -200,6 +208,14 @@ void TileWorker::finish_upload() {
   if (overlap) overlap->finish_upload();
 }
 
+void TileWorker::set_aside(const CopyRule& rule) {
+  copies.clear();
+  if (!rule.any()) return;
+  finish_upload();
+  backend->sampling().for_each_on_host(1, [&](std::size_t) { copies = copies_among(points, rule, loaded); });
+  backend->set_aside(copies);
+}
+
 void TileWorker::note_costs() {
   const Costs costs = backend->take_costs();
   peak_host_bytes = std::max(peak_host_bytes, costs.peak_host_bytes);
@@ -226,6 +242,7 @@ void add(Counts& counts, const Counts& more) {
   counts.unmoved.too_few_neighbors += more.unmoved.too_few_neighbors;
   counts.unmoved.no_normal += more.unmoved.no_normal;
   counts.short_neighborhoods += more.short_neighborhoods;
+  counts.copies += more.copies;
 }
 
 void for_tile_blocks(std::size_t count, const ForEach& for_each,

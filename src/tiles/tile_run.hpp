@@ -59,6 +59,10 @@ struct TileWorker {
   point::Region loaded{};
   double halo = 0;  // with which it was loaded
   std::vector<unsigned char> outcomes;
+  std::vector<Copy> copies;  // among the points
+
+  // Finds the copies and sets them aside, of points that were uploaded.
+  void set_aside(const CopyRule& rule);
 };
 
 // Where the points of a cloud are loaded from, and their results go. Several workers may load, and hand back results of

@@ -7,6 +7,7 @@
 
 #include "point/outliers.h"
 #include "seam/clock.hpp"
+#include "seam/exactness.hpp"
 #include "seam/noise_levels.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/sampling.hpp"
@@ -46,8 +47,13 @@ class Room {
 class HostStore final : public PointStore {
  public:
   HostStore(const Cut& cut, std::span<const Point> input, std::span<Point> results, std::uint64_t most_points,
-            const ForEach& for_each)
-      : cut_(cut), input_(input), results_(results), most_points_(most_points), for_each_(for_each) {}
+            const ForEach& for_each, std::span<unsigned char> outcomes = {})
+      : cut_(cut),
+        input_(input),
+        results_(results),
+        most_points_(most_points),
+        for_each_(for_each),
+        outcomes_(outcomes) {}
 
   const Bounds& bounds() const override { return cut_.bounds(); }
   std::span<const Point> points() const override { return input_; }
@@ -66,7 +72,10 @@ class HostStore final : public PointStore {
   void keep(std::span<const std::uint32_t> numbers, std::span<const Point> results,
             std::span<const unsigned char> outcomes) override {
     for (std::size_t i = 0; i < numbers.size(); ++i)
-      if (outcomes[i] != 0) results_[numbers[i]] = results[i];
+      if (outcomes[i] != 0) {
+        results_[numbers[i]] = results[i];
+        if (!outcomes_.empty()) outcomes_[numbers[i]] = outcomes[i];
+      }
   }
   Error does_not_fit(std::size_t number) const override {
     return {ErrorKind::memory, "point " + std::to_string(number) +
@@ -80,6 +89,7 @@ class HostStore final : public PointStore {
   std::span<Point> results_;
   std::uint64_t most_points_;
   const ForEach& for_each_;
+  std::span<unsigned char> outcomes_;
 };
 
 // What is held of one iteration. Stages up to the normals only note what they are to do; fairing does it all.
@@ -107,9 +117,14 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     cloud_.resize(points.size());
     copy(points, cloud_.points());
     for (TileWorker& worker : workers_) worker.peak_host_bytes = worker.peak_device_bytes = 0;
-    first_.cut.reset();
-    further_.cut.reset();
-    further_iteration_ = 0;
+    copies_.clear();
+    forget_results();
+  }
+  void set_aside(std::vector<Copy> copies) override {
+    for (const Copy& copy : copies_) cloud_.points()[copy.point] = copy.place;
+    copies_ = std::move(copies);
+    for (const Copy& copy : copies_) cloud_.points()[copy.point] = {kNan, kNan, kNan};
+    forget_results();
   }
 
   void build_index(int iteration, const std::optional<Frame>& frame, std::stop_token) override {
@@ -136,7 +151,10 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     its.faired.resize(cloud_.size());
     copy_invalid(input_of(iteration), its.faired.points());
     its.counts = run(iteration, TileRun::Result::points, its.faired.points(), stop);
-    its.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid;
+    its.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid - copies_.size();
+    add_copies(copies_, cloud_.size(), its.counts, [&](std::span<unsigned char> outcomes) {
+      std::copy(outcomes_.begin(), outcomes_.end(), outcomes.begin());
+    });
     note("tiles", start);
   }
 
@@ -149,6 +167,12 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
     OutlierTally held_back;
+    const auto hold_back = [&](std::size_t i, const Point& from, const Point& now, OutlierCounts& here) {
+      const auto limited = point::limited(to_vec3(from), to_vec3(now), used, point::node_value(field, to_vec3(from)));
+      points[i] = {limited.place.x, limited.place.y, limited.place.z};
+      count(limited.outlier, here);
+      if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
+    };
     for_tile_blocks(points.size(), on_host(), [&](std::size_t first, std::size_t last) {
       if (!may_hold_back) {
         std::copy_n(&faired[first], last - first, &points[first]);
@@ -157,23 +181,28 @@ class CloudInTiles final : public TiledBackend, public Sampling {
       OutlierCounts here;
       for (std::size_t i = first; i < last; ++i) {
         points[i] = faired[i];
-        if (!is_indexed(cloud_[i])) continue;
-        const float level = point::node_value(field, to_vec3(cloud_[i]));
-        const auto limited = point::limited(to_vec3(cloud_[i]), to_vec3(faired[i]), used, level);
-        points[i] = {limited.place.x, limited.place.y, limited.place.z};
-        count(limited.outlier, here);
-        if (!outliers.empty()) outliers[i] = static_cast<std::uint8_t>(limited.outlier);
+        if (is_indexed(cloud_[i])) hold_back(i, cloud_[i], faired[i], here);
       }
       held_back.add(here);
     });
+    OutlierCounts of_copies;
+    for (const Copy& copy : copies_) {
+      points[copy.point] = faired[copy.first];
+      if (may_hold_back) hold_back(copy.point, copy.place, faired[copy.first], of_copies);
+    }
+    held_back.add(of_copies);
     note("download", start);
     return held_back.counts();
   }
-  void download_input(std::span<Point> points) override { copy(cloud_.points(), points); }
+  void download_input(std::span<Point> points) override {
+    copy(cloud_.points(), points);
+    for (const Copy& copy : copies_) points[copy.point] = copy.place;
+  }
   // Normals are not kept: the tiles are computed again.
   void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
     std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
     run(iteration, TileRun::Result::normals, normals, stop);
+    follow<Point>(copies_, normals);
   }
 
   Counts counts(int iteration) override { return held(iteration).counts; }
@@ -233,6 +262,11 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   std::span<const Point> input_of(int iteration) const {
     return (iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_).points();
   }
+  void forget_results() {
+    first_.cut.reset();
+    further_.cut.reset();
+    further_iteration_ = 0;
+  }
   void note(const char* name, Clock::time_point start) { times_.push_back({name, milliseconds_since(start)}); }
 
   Counts run(int iteration, TileRun::Result result, std::span<Point> results, const std::stop_token& stop) {
@@ -241,7 +275,8 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     for (const Cut::Tile& tile : its.cut->tiles())
       if (tile.core.valid > 0) tiles.push_back({tile.cell, {}, tile.core});
     const ForEach each = on_host();
-    HostStore store(*its.cut, input_of(iteration), results, tiling_.most_points, each);
+    outcomes_.resize(copies_.empty() ? 0 : results.size());
+    HostStore store(*its.cut, input_of(iteration), results, tiling_.most_points, each, outcomes_);
     return run_tiles({store, its.stages, each, result, tiling_.feeders, tiling_.first_halo}, workers_, std::move(tiles),
                      stop);
   }
@@ -262,7 +297,9 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   std::vector<TileWorker> workers_;
   std::vector<std::unique_ptr<Backend>> backends_;  // of the workers; go first, since they may still read their buffers
   Tiling tiling_;
-  Room cloud_, input_;  // as uploaded; of iterations from the third on
+  std::vector<Copy> copies_;             // that are set aside; NaN in the cloud
+  std::vector<unsigned char> outcomes_;  // of the last run, if there are any
+  Room cloud_, input_;                   // as uploaded; of iterations from the third on
   Iteration first_, further_;
   int further_iteration_ = 0;  // which further_ is; 0: none
   std::vector<StageTime> times_;

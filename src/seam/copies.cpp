@@ -1,0 +1,223 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "seam/copies.hpp"
+
+#include <tbb/parallel_for.h>
+#include <tbb/parallel_sort.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <tuple>
+
+#include "seam/cloud_sample.hpp"
+
+namespace pointfair {
+namespace {
+
+// A valid point in its cell. Those of a cell are in the order in which they come first.
+struct Entry {
+  std::uint64_t cell;
+  std::uint32_t order, point;
+};
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+
+std::uint64_t cell_at(double x, double y, double z) {
+  std::uint64_t hash = 0x9e3779b97f4a7c15u;
+  for (const double word : {x, y, z}) {
+    hash = (hash ^ point::bits_of(word)) * 0xff51afd7ed558ccdu;
+    hash ^= hash >> 32;
+  }
+  return hash;
+}
+
+bool comes_before(std::span<const Point> points, const Entry& a, const Entry& b) {
+  if (a.order != b.order) return a.order < b.order;
+  const Point &p = points[a.point], &q = points[b.point];
+  return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);
+}
+
+void sort_by_cells(std::span<const Point> points, std::vector<Entry>& entries) {
+  tbb::parallel_sort(entries.begin(), entries.end(), [points](const Entry& a, const Entry& b) {
+    return a.cell != b.cell ? a.cell < b.cell : comes_before(points, a, b);
+  });
+}
+
+// All valid points, those at one place after each other.
+std::vector<Entry> by_place(std::span<const Point> points, const Point& corner) {
+  std::vector<Entry> entries;
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    if (is_indexed(points[i])) entries.push_back({0, 0, i});
+  tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
+    const Point& p = points[entries[e].point];
+    entries[e].cell = cell_at(p.x, p.y, p.z);
+    entries[e].order = point::position_hash(to_vec3(p), to_vec3(corner));
+  });
+  sort_by_cells(points, entries);
+  return entries;
+}
+
+bool are_at_one_place(const Point& p, const Point& q) { return p.x == q.x && p.y == q.y && p.z == q.z; }
+
+// Places in cells twice as wide as a distance, so that what lies within it of one of them is in eight cells.
+class Neighborhood {
+ public:
+  Neighborhood(std::span<const Point> points, std::vector<Entry> entries, double within)
+      : points_(points), entries_(std::move(entries)), within_(within), squared_(within * within) {
+    tbb::parallel_for(std::size_t(0), entries_.size(), [&](std::size_t e) {
+      const Point& p = points_[entries_[e].point];
+      entries_[e].cell = cell_at(step(p.x), step(p.y), step(p.z));
+    });
+    sort_by_cells(points_, entries_);
+    make_table();
+  }
+
+  std::span<const Entry> entries() const { return entries_; }
+
+  // Of the entries within the distance the one that comes first, which may be itself.
+  std::uint32_t first_around(std::uint32_t entry) const {
+    const Point& p = points_[entries_[entry].point];
+    std::uint32_t first = entry;
+    for (int corner = 0; corner < 8; ++corner) {
+      const std::uint64_t cell =
+          cell_at(step(p.x) + (corner & 1 ? aside(p.x) : 0.0), step(p.y) + (corner & 2 ? aside(p.y) : 0.0),
+                  step(p.z) + (corner & 4 ? aside(p.z) : 0.0));
+      for (std::uint32_t e = begin_of(cell); e < entries_.size() && entries_[e].cell == cell; ++e) {
+        if (!comes_before(points_, entries_[e], entries_[first])) break;
+        if (!are_close(points_[entries_[e].point], p)) continue;
+        first = e;
+        break;
+      }
+    }
+    return first;
+  }
+
+ private:
+  double step(float at) const { return std::floor(at / (2 * within_)); }
+  // To the nearer of the cells beside.
+  double aside(float at) const { return at / (2 * within_) - step(at) < 0.5 ? -1.0 : 1.0; }
+  bool are_close(const Point& a, const Point& b) const {
+    const auto off = point::exact_offset(to_vec3(a), to_vec3(b));
+    return off.x * off.x + off.y * off.y + off.z * off.z <= squared_;
+  }
+
+  // Where each cell begins, by open addressing.
+  void make_table() {
+    const auto begins = [this](std::size_t e) { return e == 0 || entries_[e].cell != entries_[e - 1].cell; };
+    std::size_t cells = 0;
+    for (std::size_t e = 0; e < entries_.size(); ++e) cells += begins(e);
+    table_.assign(std::bit_ceil(2 * cells + 1), kNone);
+    for (std::uint32_t e = 0; e < entries_.size(); ++e)
+      if (begins(e)) table_[slot_of(entries_[e].cell)] = e;
+  }
+  std::uint32_t begin_of(std::uint64_t cell) const { return table_[slot_of(cell)]; }
+  std::size_t slot_of(std::uint64_t cell) const {
+    std::size_t slot = cell & (table_.size() - 1);
+    while (table_[slot] != kNone && entries_[table_[slot]].cell != cell) slot = (slot + 1) & (table_.size() - 1);
+    return slot;
+  }
+
+  std::span<const Point> points_;
+  std::vector<Entry> entries_;
+  double within_, squared_;
+  std::vector<std::uint32_t> table_;
+};
+
+void sort_by_point(std::vector<Copy>& copies) {
+  tbb::parallel_sort(copies.begin(), copies.end(), [](const Copy& a, const Copy& b) { return a.point < b.point; });
+}
+
+}  // namespace
+
+point::Region without_border(point::Region region, const CopyRule& rule) {
+  if (!(rule.within > 0)) return region;
+  const auto inwards = [&](float end, int sign) {
+    return std::nextafter(float(end + sign * rule.within), float(sign) * kUnbounded);
+  };
+  return {{inwards(region.min.x, 1), inwards(region.min.y, 1), inwards(region.min.z, 1)},
+          {inwards(region.max.x, -1), inwards(region.max.y, -1), inwards(region.max.z, -1)}};
+}
+
+std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded) {
+  std::vector<Entry> of_place;  // the first at each
+  std::vector<Copy> copies;
+  for (const Entry& entry : by_place(points, rule.corner)) {
+    const Point& p = points[entry.point];
+    if (of_place.empty() || !are_at_one_place(points[of_place.back().point], p))
+      of_place.push_back(entry);
+    else
+      copies.push_back({entry.point, of_place.back().point, p});
+  }
+  if (rule.within > 0) {
+    const Neighborhood near(points, std::move(of_place), rule.within);
+    const std::span<const Entry> entries = near.entries();
+    std::vector<std::uint32_t> before(entries.size());
+    tbb::parallel_for(std::size_t(0), entries.size(),
+                      [&](std::size_t e) { before[e] = near.first_around(std::uint32_t(e)); });
+    const point::Region sure = without_border(loaded, rule);
+    std::vector<Copy> of_first;
+    for (std::uint32_t e = 0; e < entries.size(); ++e) {
+      const auto is_sure = [&](std::uint32_t at) { return point::is_inside(sure, to_vec3(points[entries[at].point])); };
+      Copy copy{entries[e].point, 0, points[entries[e].point], is_sure(e)};
+      std::uint32_t first = e;
+      while (before[first] != first) {
+        first = before[first];
+        copy.is_sure = copy.is_sure && is_sure(first);
+      }
+      copy.first = entries[first].point;
+      if (first != e) of_first.push_back(copy);
+    }
+    sort_by_point(of_first);
+    for (Copy& copy : copies) {
+      const auto followed = std::ranges::lower_bound(of_first, copy.first, {}, &Copy::point);
+      if (followed == of_first.end() || followed->point != copy.first) continue;
+      copy.first = followed->first;
+      copy.is_sure = followed->is_sure;
+    }
+    copies.insert(copies.end(), of_first.begin(), of_first.end());
+  }
+  sort_by_point(copies);
+  return copies;
+}
+
+namespace {
+
+const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
+  const auto found = std::ranges::lower_bound(copies, point, {}, &Copy::point);
+  return found != copies.end() && found->point == point ? &*found : nullptr;
+}
+
+}  // namespace
+
+std::uint32_t first_of(std::span<const Copy> copies, std::uint32_t point) {
+  const Copy* const copy = find(copies, point);
+  return copy != nullptr ? copy->first : point;
+}
+
+bool is_sure(std::span<const Copy> copies, std::uint32_t point) {
+  const Copy* const copy = find(copies, point);
+  return copy == nullptr || copy->is_sure;
+}
+
+CloudSample once_each(const CloudSample& sample, std::span<const std::uint32_t> firsts, std::span<const Point> places,
+                      int times) {
+  CloudSample once{sample.bounds, {}, {}};
+  once.bounds.valid /= std::uint64_t(times);
+  std::vector<std::size_t> by_place(places.size());
+  for (std::size_t i = 0; i < by_place.size(); ++i) by_place[i] = i;
+  std::ranges::stable_sort(by_place, [&](std::size_t a, std::size_t b) {
+    return point::lies_before(to_vec3(places[a]), to_vec3(places[b]));
+  });
+  std::vector<bool> is_new(places.size(), true);
+  for (std::size_t i = 1; i < by_place.size(); ++i)
+    is_new[by_place[i]] = point::lies_before(to_vec3(places[by_place[i - 1]]), to_vec3(places[by_place[i]]));
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (!is_new[i]) continue;
+    once.points.push_back(places[i]);
+    once.indices.push_back(firsts[i]);
+  }
+  return once;
+}
+
+}  // namespace pointfair

@@ -1,0 +1,47 @@
+// SPDX-License-Identifier: Apache-2.0
+// Points that repeat a measurement of the cloud: exact copies, and copies that were rounded otherwise. Of those that
+// lie together one is computed, and the others get its result, so that copies of a position stay together.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "point/region.h"
+#include "pointfair/cloud.hpp"
+#include "seam/sampling.hpp"
+#include "seam/settings.hpp"
+
+namespace pointfair {
+
+struct Copy {
+  std::uint32_t point, first;  // in upload order; `first` is no copy
+  Point place;                 // of the copy
+  // Whether it would be one of the same point with all of the cloud loaded, too.
+  bool is_sure = true;
+};
+
+// The region without the border in which a point may be a copy of one that is not loaded.
+point::Region without_border(point::Region region, const CopyRule& rule);
+
+// All copies among the valid points, ascending; `loaded` has all points of the cloud in it. O(N log N), 16 bytes a
+// point, and 16 more where the rule allows a distance.
+std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded);
+
+// The point that `point` is a copy of, or itself.
+std::uint32_t first_of(std::span<const Copy> copies, std::uint32_t point);
+// Whether that is sure.
+bool is_sure(std::span<const Copy> copies, std::uint32_t point);
+
+// Gives each copy what its first has.
+template <class Value>
+void follow(std::span<const Copy> copies, std::span<Value> values) {
+  for (const Copy& copy : copies) values[copy.point] = values[copy.first];
+}
+
+// A cloud's sample where each place counts once: of the points that `firsts` and `places` name in place of its own,
+// those at new places. `times`: how many points one place has.
+CloudSample once_each(const CloudSample& sample, std::span<const std::uint32_t> firsts, std::span<const Point> places,
+                      int times);
+
+}  // namespace pointfair
