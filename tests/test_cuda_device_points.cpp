@@ -180,7 +180,7 @@ TEST_F(CudaDevicePointsTest, have_the_bits_of_the_cpu_where_points_are_repeated)
   std::vector<Point> expected(points.size()), expected_normals(points.size()), result(points.size());
   const std::size_t bytes = points.size() * sizeof(Point);
   for (const Params& params :
-       {Params{.outliers = Outliers::mark}, Params{.outliers = Outliers::mark, .method = Method::learned}}) {
+       {Params{.outliers = Outliers::mark}, Params{.method = Method::learned, .outliers = Outliers::mark}}) {
     Pipeline cpu(Device::cpu), card(Device::cuda);
     cpu.load(points);
     cpu.run(params, expected);
