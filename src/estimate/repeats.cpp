@@ -170,20 +170,31 @@ bool rows_share_errors(const NearestRows& nearest, const ForEach& for_each) {
   return offset > kLeastRowOffset && offset < kMostRowOffset && median(jumps) > kRowJump;
 }
 
-// Medians over the rows of the squared distance to the k-th nearest, over k; k from 1 on. Short rows do not count.
-std::vector<double> squared_distances_by_rank(std::span<const Point> rows, int neighbors) {
+// Median over the rows of the squared distance to the k-th nearest, over k. Short rows do not count; negative if all
+// are.
+double squared_distance_at_rank(std::span<const Point> rows, int neighbors, int k) {
   const std::size_t row = std::size_t(neighbors) + 1;
-  std::vector<double> result, of_rank;
-  for (std::size_t k = 1; k < row; ++k) {
-    of_rank.clear();
-    for (std::size_t first = 0; first < rows.size(); first += row) {
-      if (std::isnan(rows[first + row - 1].x)) continue;
-      of_rank.push_back(point::squared_length(point::offset_between(rows[first], rows[first + k])) / double(k));
-    }
-    if (of_rank.empty()) return {};
-    result.push_back(median(of_rank));
+  std::vector<double> of_rank;
+  of_rank.reserve(rows.size() / row);
+  for (std::size_t first = 0; first < rows.size(); first += row) {
+    if (std::isnan(rows[first + row - 1].x)) continue;
+    of_rank.push_back(point::squared_length(point::offset_between(rows[first], rows[first + std::size_t(k)])) / k);
   }
+  return of_rank.empty() ? -1 : median(std::move(of_rank));
+}
+
+// From the first rank on; empty if all rows are short.
+std::vector<double> squared_distances_by_rank(std::span<const Point> rows, int neighbors) {
+  std::vector<double> result;
+  if (squared_distance_at_rank(rows, neighbors, 1) < 0) return result;
+  for (int k = 1; k <= neighbors; ++k) result.push_back(squared_distance_at_rank(rows, neighbors, k));
   return result;
+}
+
+// Whether the nearest points lie nearer than those of points spread over a surface, or all at one place.
+bool are_uneven(std::span<const Point> rows, int neighbors) {
+  const double nearest = squared_distance_at_rank(rows, neighbors, 1);
+  return nearest >= 0 && nearest <= kEvenDistances * squared_distance_at_rank(rows, neighbors, neighbors);
 }
 
 // The first rank from which on distances are those of points spread over a surface.
@@ -211,7 +222,7 @@ std::pair<double, double> least_steps(std::span<const Point> row) {
 CopiesFound copies_at_samples(const NearestRows& nearest) {
   constexpr int kHead = kMostRepeats + 1;
   static_assert(kHead < point::kHeadRow);
-  if (first_even(squared_distances_by_rank(nearest.of(nearest.looked_at(), kHead), kHead)) == 1) return {};
+  if (!are_uneven(nearest.of(nearest.looked_at(), kHead), kHead)) return {};
   constexpr std::size_t kRow = kRepeatNeighbors + 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
   const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
@@ -238,7 +249,7 @@ CopiesFound copies_at_samples(const NearestRows& nearest) {
 
 Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {
   if (rows_share_errors(nearest, for_each)) return {kMostRepeats};
-  if (first_even(squared_distances_by_rank(nearest.heads(), kStepNeighbors)) == 1) return {};
+  if (!are_uneven(nearest.heads(), kStepNeighbors)) return {};
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
   const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
   const auto elsewhere = std::ranges::find_if(by_rank, [](double squared) { return squared > 0; });
