@@ -75,9 +75,12 @@ TEST(Repeats, by_coarse_rounding_are_no_copies) {
   EXPECT_LT(rms_height(Ran(coarse).points), 0.1 * rms_height(coarse)) << "one of each leaves a quarter";
 }
 
+// Needs the spacing, and no noise.
 Params all_given() {
   return {.noise = Length(0.005),
           .k = 8,
+          .constraint = true,
+          .delta = Length(0.01),
           .normal_sigma = Length(0.05),
           .closeness_sigma = Length(0.05),
           .similarity_sigma = Length(0.02),

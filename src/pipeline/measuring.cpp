@@ -34,7 +34,7 @@ const Frame& Pipeline::State::frame() {
 
 // Queries leave what is cached as it is, but for an index where there is none.
 void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const std::stop_token& stop) {
-  const bool with_noise = wanted.noise;
+  const bool with_noise = wanted.noise, with_spacing = wanted.spacing;
   if (spacing(with_noise)) wanted.spacing = false;
   if (cloud.noise) wanted.noise = false;
   if (!wanted.spacing && !wanted.noise) return;
@@ -45,11 +45,17 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
   const auto look = [&](Sampling& sampling) { found = estimate(sampling, seen_sample(), wanted, stop); };
   look_at_neighbors(order, stop, look);
   if (std::exchange(wanted.seeks_copies, false)) {
-    const bool any = found.copies.within >= 0;
-    if (any) cloud.find_copies({found.copies.within, frame().corner}, found.copies.points);
-    cloud.copies = found.copies;
-    set_copies_aside(any);
-    if (any) look_at_neighbors(order, stop, look);
+    if (found.copies.within < 0) {
+      cloud.copies = CopiesFound{};
+    } else {
+      const auto start = Clock::now();
+      cloud.find_copies({found.copies.within, frame().corner}, found.copies.points);
+      log_.note("estimate", milliseconds_since(start));
+      cloud.copies = found.copies;
+      set_copies_aside(true);
+      wanted.spacing = with_spacing;
+      look_at_neighbors(order, stop, look);
+    }
   }
   if (wanted.spacing) spacing(with_noise) = found.spacing;
   if (wanted.noise) {
