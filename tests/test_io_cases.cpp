@@ -141,6 +141,33 @@ TEST(FilesCases, WhatIsMeantIsSaidWhereAFileIsRefused) {
   for (const Bad& bad : all) expect_refused(bad.bytes, bad.name, bad.message);
 }
 
+// Of point i the columns i + first, 2.5 i, 3.5, 4.5.
+std::string numbered(int rows, int first, int step = 1) {
+  std::string text;
+  for (int i = 0; i < rows; ++i)
+    text += std::to_string(first + step * i) + "," + std::to_string(2.5 * i) + ",3.5,4.5\n";
+  return text;
+}
+
+TEST(FilesCases, NumbersOfPointsAreNoCoordinates) {
+  constexpr const char* kWhy = "the first column numbers the points, so it is no coordinate; name the columns";
+  expect_refused(numbered(8, 0), "a.csv", kWhy);
+  expect_refused(numbered(20000, 1001, 2), "a.txt", kWhy);
+  std::string spaced = numbered(30, 7);
+  std::replace(spaced.begin(), spaced.end(), ',', ' ');
+  expect_refused(spaced, "a.xyz", kWhy);
+  const auto first_x = [](const std::string& text) { return parse(text, "a.csv").points.at(0).x; };
+  EXPECT_EQ(first_x(numbered(7, 1)), 1) << "too few to tell";
+  EXPECT_EQ(first_x(numbered(8, 9, -1)), 9) << "they do not grow";
+  EXPECT_EQ(first_x("id,x,y,z\n" + numbered(8, 1)), 0) << "named";
+  std::string grid;  // its rows run along x
+  for (int i = 0; i < 50; ++i) grid += std::to_string(i) + ",0,3.5,12\n";
+  EXPECT_EQ(parse(grid, "a.csv").points.at(49).x, 49);
+  const std::string nine = numbered(9, 1);
+  const ReadOptions names{.columns = {"id", "x", "y", "z"}};
+  EXPECT_EQ(read(std::as_bytes(std::span(nine)), "a.csv", names).points[1].x, 2.5f);
+}
+
 TEST(FilesCases, Utf16IsNamed) {
   for (const std::string& front : {std::string("\xFF\xFE", 2), std::string("\xFE\xFF", 2)})
     for (const char* name : {"a.csv", "a.ply", "a.obj", "a.asc", "a.txt"}) {

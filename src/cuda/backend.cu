@@ -124,7 +124,7 @@ OutlierCounts CudaBackend::download(int iteration, std::span<Point> points, cons
     copy_out(limited.data(), points);
   } else {
     std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
-    if (links_.any()) {
+    if (links_.any() || copies_.any()) {
       from.join();
       copy_out(from.faired().data(), points);
     } else {

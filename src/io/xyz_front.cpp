@@ -224,6 +224,10 @@ class FrontReader {
       for (const std::string_view line : front_lines_) check_title(line, words.size());
       front_.has_titles = front_.has_titles || !front_lines_.empty() || !remark_.names.empty();
       front_.names = usual_names(format_, name_, words.size());
+      if (begins_with_numbers_of_points())
+        fail(name_,
+             "the first column numbers the points, so it is no coordinate; name the columns, as with --columns "
+             "id,x,y,z");
     }
     front_.named = front_.names.size();
     while (front_.names.size() < front_.columns)
@@ -262,6 +266,25 @@ class FrontReader {
       const auto is_word = [&](std::string_view word) { return !is_number(word, separator); };
       if (std::count_if(first, end, is_word) == 1) fail_row(line, *std::find_if(first, end, is_word));
     }
+  }
+
+  // As lists of surveyed points do: whole numbers that only grow, before three columns of fractions.
+  bool begins_with_numbers_of_points() const {
+    constexpr std::size_t kLooked = 65536, kFewest = 8;
+    std::string_view rows = text_.substr(front_.end, kLooked), line;
+    std::uint64_t before = 0;
+    std::size_t found = 0;
+    const bool goes_on = text_.size() > front_.end + kLooked;
+    while (next_line(rows, line, front_.line_end) && !(goes_on && rows.empty())) {
+      if (!is_row(line, RowRule::uncommented)) continue;
+      const Words words = words_of(line, front_.separator);
+      const auto number = words.empty() ? std::nullopt : to_count(words[0]);
+      const auto is_fraction = [](std::string_view word) { return word.find_first_of(".,") != std::string_view::npos; };
+      if (!number || words.size() < 4 || !std::all_of(words.begin() + 1, words.begin() + 4, is_fraction)) return false;
+      if (found++ > 0 && *number <= before) return false;
+      before = *number;
+    }
+    return found >= kFewest;
   }
 
   // Decimal commas show in the first rows.

@@ -113,7 +113,7 @@ class Neighborhood {
   }
   std::uint32_t begin_of(std::uint64_t cell) const { return table_[slot_of(cell)]; }
   std::size_t slot_of(std::uint64_t cell) const {
-    std::size_t slot = cell & (table_.size() - 1);
+    std::size_t slot = std::size_t(cell) & (table_.size() - 1);
     while (table_[slot] != kNone && entries_[table_[slot]].cell != cell) slot = (slot + 1) & (table_.size() - 1);
     return slot;
   }
@@ -126,6 +126,38 @@ class Neighborhood {
 
 void sort_by_point(std::vector<Copy>& copies) {
   tbb::parallel_sort(copies.begin(), copies.end(), [](const Copy& a, const Copy& b) { return a.point < b.point; });
+}
+
+// Null: none.
+const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
+  const auto found = std::ranges::lower_bound(copies, point, {}, &Copy::point);
+  return found != copies.end() && found->point == point ? &*found : nullptr;
+}
+
+// Places that follow another one, ascending.
+std::vector<Copy> copies_of_others(std::span<const Point> points, std::vector<Entry> places, const CopyRule& rule,
+                                   const point::Region& loaded) {
+  const Neighborhood near(points, std::move(places), rule.within);
+  const std::span<const Entry> entries = near.entries();
+  std::vector<std::uint32_t> before(entries.size());
+  tbb::parallel_for(std::size_t(0), entries.size(),
+                    [&](std::size_t e) { before[e] = near.first_around(std::uint32_t(e)); });
+  const point::Region sure = without_border(loaded, rule);
+  const auto is_sure_at = [&](std::uint32_t e) { return point::is_inside(sure, to_vec3(points[entries[e].point])); };
+  std::vector<Copy> copies;
+  for (std::uint32_t e = 0; e < entries.size(); ++e) {
+    if (before[e] == e) continue;
+    Copy copy{entries[e].point, 0, points[entries[e].point], is_sure_at(e)};
+    std::uint32_t first = e;
+    while (before[first] != first) {
+      first = before[first];
+      copy.is_sure = copy.is_sure && is_sure_at(first);
+    }
+    copy.first = entries[first].point;
+    copies.push_back(copy);
+  }
+  sort_by_point(copies);
+  return copies;
 }
 
 }  // namespace
@@ -150,45 +182,14 @@ std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& ru
       copies.push_back({entry.point, of_place.back().point, p});
   }
   if (rule.within > 0) {
-    const Neighborhood near(points, std::move(of_place), rule.within);
-    const std::span<const Entry> entries = near.entries();
-    std::vector<std::uint32_t> before(entries.size());
-    tbb::parallel_for(std::size_t(0), entries.size(),
-                      [&](std::size_t e) { before[e] = near.first_around(std::uint32_t(e)); });
-    const point::Region sure = without_border(loaded, rule);
-    std::vector<Copy> of_first;
-    for (std::uint32_t e = 0; e < entries.size(); ++e) {
-      const auto is_sure = [&](std::uint32_t at) { return point::is_inside(sure, to_vec3(points[entries[at].point])); };
-      Copy copy{entries[e].point, 0, points[entries[e].point], is_sure(e)};
-      std::uint32_t first = e;
-      while (before[first] != first) {
-        first = before[first];
-        copy.is_sure = copy.is_sure && is_sure(first);
-      }
-      copy.first = entries[first].point;
-      if (first != e) of_first.push_back(copy);
-    }
-    sort_by_point(of_first);
-    for (Copy& copy : copies) {
-      const auto followed = std::ranges::lower_bound(of_first, copy.first, {}, &Copy::point);
-      if (followed == of_first.end() || followed->point != copy.first) continue;
-      copy.first = followed->first;
-      copy.is_sure = followed->is_sure;
-    }
-    copies.insert(copies.end(), of_first.begin(), of_first.end());
+    const std::vector<Copy> of_others = copies_of_others(points, std::move(of_place), rule, loaded);
+    for (Copy& copy : copies)
+      if (const Copy* const its = find(of_others, copy.first)) copy.first = its->first, copy.is_sure = its->is_sure;
+    copies.insert(copies.end(), of_others.begin(), of_others.end());
   }
   sort_by_point(copies);
   return copies;
 }
-
-namespace {
-
-const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
-  const auto found = std::ranges::lower_bound(copies, point, {}, &Copy::point);
-  return found != copies.end() && found->point == point ? &*found : nullptr;
-}
-
-}  // namespace
 
 std::uint32_t first_of(std::span<const Copy> copies, std::uint32_t point) {
   const Copy* const copy = find(copies, point);

@@ -123,8 +123,8 @@ class Words(Case):
             for tiles in ([], ["--tiles", "2"]):
                 said = self.ok("run", self.path("in.stl"), self.path("out.stl"), "--force", "-v", *tiles).stderr.decode()
                 self.assertEqual("long-wave" in said, told, said)
-                if not tiles:
-                    self.assertRegex(said, r"min_neighbors +auto \(64\)")
+                copies = int(re.search(r"note: (\d+) points repeat another one", said).group(1))
+                self.assertEqual(copies, 3 * 2 * 89 * 89 - 90 * 90)
 
     def test_points_that_show_no_surface_are_told(self):
         rng = random.Random(2)
