@@ -143,19 +143,32 @@ TEST(Repeats, in_tiles_have_the_bits_of_the_whole) {
   }
 }
 
-// By its definition.
+// By its definition: the first of a cell of half the distance, and of firsts the first around them.
 std::vector<std::uint32_t> firsts_of(const Points& points, double within, Point corner) {
-  const auto hash = [&](std::size_t i) { return point::position_hash(to_vec3(points[i]), to_vec3(corner)); };
-  const auto order = [&](std::size_t i) { return std::tuple(hash(i), points[i].x, points[i].y, points[i].z, i); };
-  std::vector<std::uint32_t> before(points.size());
-  for (std::size_t i = 0; i < points.size(); ++i) {
+  const auto order = [&](std::size_t i) {
+    return std::tuple(point::position_hash(to_vec3(points[i]), to_vec3(corner)), points[i].x, points[i].y, points[i].z,
+                      i);
+  };
+  const auto distance = [&](std::size_t i, std::size_t j) {
+    return reference::length(reference::to_vec(points[i]) - reference::to_vec(points[j]));
+  };
+  const auto cell = [&](std::size_t i) {
+    const auto off = reference::to_vec(points[i]) - reference::to_vec(corner);
+    return std::tuple(std::floor(2 * off.x / within), std::floor(2 * off.y / within), std::floor(2 * off.z / within));
+  };
+  const auto first_where = [&](std::size_t i, const auto& counts) {
     std::size_t best = i;
     for (std::size_t j = 0; j < points.size(); ++j)
-      if (reference::length(reference::to_vec(points[i]) - reference::to_vec(points[j])) <= within &&
-          order(j) < order(best))
-        best = j;
-    before[i] = std::uint32_t(best);
-  }
+      if (counts(j) && order(j) < order(best)) best = j;
+    return std::uint32_t(best);
+  };
+  std::vector<std::uint32_t> of_cell(points.size()), before(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i)
+    of_cell[i] = first_where(i, [&](std::size_t j) { return within > 0 ? cell(j) == cell(i) : distance(i, j) == 0; });
+  for (std::size_t i = 0; i < points.size(); ++i)
+    before[i] = of_cell[i] != i
+                    ? of_cell[i]
+                    : first_where(i, [&](std::size_t j) { return of_cell[j] == j && distance(i, j) <= within; });
   for (std::size_t i = 0; i < points.size(); ++i)
     while (before[before[i]] != before[i]) before[i] = before[before[i]];
   return before;

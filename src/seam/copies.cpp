@@ -58,13 +58,44 @@ std::vector<Entry> by_place(std::span<const Point> points, const Point& corner) 
   return entries;
 }
 
-bool are_at_one_place(const Point& p, const Point& q) { return p.x == q.x && p.y == q.y && p.z == q.z; }
+// The same points in cells so small that all of one are within the rule's distance of each other.
+void sort_by_small_cells(std::span<const Point> points, const CopyRule& rule, std::vector<Entry>& entries) {
+  const double side = rule.within / 2;
+  tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
+    const auto off = point::exact_offset(to_vec3(points[entries[e].point]), to_vec3(rule.corner));
+    entries[e].cell = cell_at(std::floor(off.x / side), std::floor(off.y / side), std::floor(off.z / side));
+  });
+  sort_by_cells(points, entries);
+}
 
-// Places in cells twice as wide as a distance, so that what lies within it of one of them is in eight cells.
+bool are_close(const Point& p, const Point& q, double within) {
+  const auto off = point::exact_offset(to_vec3(p), to_vec3(q));
+  return off.x * off.x + off.y * off.y + off.z * off.z <= within * within;
+}
+
+// Leaves the first of those that follow each other in a cell and are close to it; the others are its copies.
+std::vector<Copy> take_copies_from(std::vector<Entry>& entries, std::span<const Point> points, double within) {
+  std::vector<Copy> copies;
+  std::size_t kept = 0;
+  for (const Entry& entry : entries) {
+    const Point& p = points[entry.point];
+    const bool follows =
+        kept > 0 && entries[kept - 1].cell == entry.cell && are_close(points[entries[kept - 1].point], p, within);
+    if (follows)
+      copies.push_back({entry.point, entries[kept - 1].point, p});
+    else
+      entries[kept++] = entry;
+  }
+  entries.resize(kept);
+  return copies;
+}
+
+// Places in cells twice as wide as a distance, so that what lies within it of one of them is in eight cells. Of the
+// cells of take_copies_from() they have one place each, so few share a cell.
 class Neighborhood {
  public:
   Neighborhood(std::span<const Point> points, std::vector<Entry> entries, double within)
-      : points_(points), entries_(std::move(entries)), within_(within), squared_(within * within) {
+      : points_(points), entries_(std::move(entries)), within_(within) {
     tbb::parallel_for(std::size_t(0), entries_.size(), [&](std::size_t e) {
       const Point& p = points_[entries_[e].point];
       entries_[e].cell = cell_at(step(p.x), step(p.y), step(p.z));
@@ -85,7 +116,7 @@ class Neighborhood {
                   step(p.z) + (corner & 4 ? aside(p.z) : 0.0));
       for (std::uint32_t e = begin_of(cell); e < entries_.size() && entries_[e].cell == cell; ++e) {
         if (!comes_before(points_, entries_[e], entries_[first])) break;
-        if (!are_close(points_[entries_[e].point], p)) continue;
+        if (!are_close(points_[entries_[e].point], p, within_)) continue;
         first = e;
         break;
       }
@@ -97,11 +128,6 @@ class Neighborhood {
   double step(float at) const { return std::floor(at / (2 * within_)); }
   // To the nearer of the cells beside.
   double aside(float at) const { return at / (2 * within_) - step(at) < 0.5 ? -1.0 : 1.0; }
-  bool are_close(const Point& a, const Point& b) const {
-    const auto off = point::exact_offset(to_vec3(a), to_vec3(b));
-    return off.x * off.x + off.y * off.y + off.z * off.z <= squared_;
-  }
-
   // Where each cell begins, by open addressing.
   void make_table() {
     const auto begins = [this](std::size_t e) { return e == 0 || entries_[e].cell != entries_[e - 1].cell; };
@@ -120,7 +146,7 @@ class Neighborhood {
 
   std::span<const Point> points_;
   std::vector<Entry> entries_;
-  double within_, squared_;
+  double within_;
   std::vector<std::uint32_t> table_;
 };
 
@@ -134,30 +160,27 @@ const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
   return found != copies.end() && found->point == point ? &*found : nullptr;
 }
 
-// Places that follow another one, ascending.
-std::vector<Copy> copies_of_others(std::span<const Point> points, std::vector<Entry> places, const CopyRule& rule,
-                                   const point::Region& loaded) {
-  const Neighborhood near(points, std::move(places), rule.within);
+// Those of the places that follow another one, ascending.
+std::vector<Copy> copies_around(std::span<const Point> points, std::vector<Entry> places, double within) {
+  const Neighborhood near(points, std::move(places), within);
   const std::span<const Entry> entries = near.entries();
   std::vector<std::uint32_t> before(entries.size());
   tbb::parallel_for(std::size_t(0), entries.size(),
                     [&](std::size_t e) { before[e] = near.first_around(std::uint32_t(e)); });
-  const point::Region sure = without_border(loaded, rule);
-  const auto is_sure_at = [&](std::uint32_t e) { return point::is_inside(sure, to_vec3(points[entries[e].point])); };
   std::vector<Copy> copies;
-  for (std::uint32_t e = 0; e < entries.size(); ++e) {
-    if (before[e] == e) continue;
-    Copy copy{entries[e].point, 0, points[entries[e].point], is_sure_at(e)};
-    std::uint32_t first = e;
-    while (before[first] != first) {
-      first = before[first];
-      copy.is_sure = copy.is_sure && is_sure_at(first);
-    }
-    copy.first = entries[first].point;
-    copies.push_back(copy);
-  }
+  for (std::uint32_t e = 0; e < entries.size(); ++e)
+    if (before[e] != e) copies.push_back({entries[e].point, entries[before[e]].point, points[entries[e].point]});
   sort_by_point(copies);
   return copies;
+}
+
+// Copies of copies follow what those follow.
+void follow_to_the_end(std::vector<Copy>& copies, std::span<const Copy> others) {
+  for (Copy& copy : copies)
+    while (const Copy* const next = find(others, copy.first)) {
+      copy.first = next->first;
+      copy.is_sure = copy.is_sure && next->is_sure;
+    }
 }
 
 }  // namespace
@@ -172,20 +195,21 @@ point::Region without_border(point::Region region, const CopyRule& rule) {
 }
 
 std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded) {
-  std::vector<Entry> of_place;  // the first at each
-  std::vector<Copy> copies;
-  for (const Entry& entry : by_place(points, rule.corner)) {
-    const Point& p = points[entry.point];
-    if (of_place.empty() || !are_at_one_place(points[of_place.back().point], p))
-      of_place.push_back(entry);
-    else
-      copies.push_back({entry.point, of_place.back().point, p});
-  }
+  std::vector<Entry> entries = by_place(points, rule.corner);
+  std::vector<Copy> copies = take_copies_from(entries, points, 0);
   if (rule.within > 0) {
-    const std::vector<Copy> of_others = copies_of_others(points, std::move(of_place), rule, loaded);
-    for (Copy& copy : copies)
-      if (const Copy* const its = find(of_others, copy.first)) copy.first = its->first, copy.is_sure = its->is_sure;
-    copies.insert(copies.end(), of_others.begin(), of_others.end());
+    sort_by_small_cells(points, rule, entries);
+    std::vector<Copy> near = take_copies_from(entries, points, rule.within);
+    const std::vector<Copy> around = copies_around(points, std::move(entries), rule.within);
+    near.insert(near.end(), around.begin(), around.end());
+    const point::Region sure = without_border(loaded, rule);
+    for (Copy& copy : near)
+      copy.is_sure = point::is_inside(sure, to_vec3(copy.place)) && point::is_inside(sure, to_vec3(points[copy.first]));
+    sort_by_point(near);
+    const std::vector<Copy> steps = near;
+    follow_to_the_end(near, steps);
+    follow_to_the_end(copies, near);
+    copies.insert(copies.end(), near.begin(), near.end());
   }
   sort_by_point(copies);
   return copies;

@@ -24,8 +24,10 @@ struct Copy {
 // The region without the border in which a point may be a copy of one that is not loaded.
 point::Region without_border(point::Region region, const CopyRule& rule);
 
-// All copies among the valid points, ascending; `loaded` has all points of the cloud in it. O(N log N), 16 bytes a
-// point, and 16 more where the rule allows a distance.
+// All copies among the valid points, ascending; `loaded` has all points of the cloud in it. Of the points in a cube of
+// half the distance, which are all within it of each other, the first stands for the others; of such firsts, each
+// follows the first of those within the distance, which may follow another one. O(N log N), 16 bytes a point and 24 a
+// copy.
 std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded);
 
 // The point that `point` is a copy of, or itself.

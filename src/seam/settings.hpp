@@ -99,8 +99,8 @@ struct Frame {
   }
 };
 
-// A point is a copy of the one within this distance that comes first by a hash of its offset from the corner of the
-// cloud, which prefers no direction. 0: exact copies are; negative: nothing is.
+// Points within this distance of each other are copies of the one that comes first by a hash of its offset from the
+// corner of the cloud, which prefers no direction (seam/copies.hpp). 0: those at one place are; negative: none are.
 struct CopyRule {
   double within = -1;
   Point corner{};  // as of Frame
