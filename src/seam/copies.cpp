@@ -8,6 +8,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <tuple>
 
 #include "seam/cloud_sample.hpp"
@@ -73,25 +74,23 @@ bool are_close(const Point& p, const Point& q, double within) {
   return off.x * off.x + off.y * off.y + off.z * off.z <= within * within;
 }
 
-// Leaves the first of those that follow each other in a cell and are close to it; the others are its copies.
-std::vector<Copy> take_copies_from(std::vector<Entry>& entries, std::span<const Point> points, double within) {
-  std::vector<Copy> copies;
+// Leaves the first of those that follow each other in a cell and are close to it; it is `before` the others.
+void keep_firsts(std::span<const Point> points, double within, std::vector<Entry>& entries,
+                 std::vector<std::uint32_t>& before) {
   std::size_t kept = 0;
   for (const Entry& entry : entries) {
-    const Point& p = points[entry.point];
-    const bool follows =
-        kept > 0 && entries[kept - 1].cell == entry.cell && are_close(points[entries[kept - 1].point], p, within);
+    const bool follows = kept > 0 && entries[kept - 1].cell == entry.cell &&
+                         are_close(points[entries[kept - 1].point], points[entry.point], within);
     if (follows)
-      copies.push_back({entry.point, entries[kept - 1].point, p});
+      before[entry.point] = entries[kept - 1].point;
     else
       entries[kept++] = entry;
   }
   entries.resize(kept);
-  return copies;
 }
 
 // Places in cells twice as wide as a distance, so that what lies within it of one of them is in eight cells. Of the
-// cells of take_copies_from() they have one place each, so few share a cell.
+// cells of sort_by_small_cells() they have one place each, so few share a cell.
 class Neighborhood {
  public:
   Neighborhood(std::span<const Point> points, std::vector<Entry> entries, double within)
@@ -150,37 +149,10 @@ class Neighborhood {
   std::vector<std::uint32_t> table_;
 };
 
-void sort_by_point(std::vector<Copy>& copies) {
-  tbb::parallel_sort(copies.begin(), copies.end(), [](const Copy& a, const Copy& b) { return a.point < b.point; });
-}
-
 // Null: none.
 const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
   const auto found = std::ranges::lower_bound(copies, point, {}, &Copy::point);
   return found != copies.end() && found->point == point ? &*found : nullptr;
-}
-
-// Those of the places that follow another one, ascending.
-std::vector<Copy> copies_around(std::span<const Point> points, std::vector<Entry> places, double within) {
-  const Neighborhood near(points, std::move(places), within);
-  const std::span<const Entry> entries = near.entries();
-  std::vector<std::uint32_t> before(entries.size());
-  tbb::parallel_for(std::size_t(0), entries.size(),
-                    [&](std::size_t e) { before[e] = near.first_around(std::uint32_t(e)); });
-  std::vector<Copy> copies;
-  for (std::uint32_t e = 0; e < entries.size(); ++e)
-    if (before[e] != e) copies.push_back({entries[e].point, entries[before[e]].point, points[entries[e].point]});
-  sort_by_point(copies);
-  return copies;
-}
-
-// Copies of copies follow what those follow.
-void follow_to_the_end(std::vector<Copy>& copies, std::span<const Copy> others) {
-  for (Copy& copy : copies)
-    while (const Copy* const next = find(others, copy.first)) {
-      copy.first = next->first;
-      copy.is_sure = copy.is_sure && next->is_sure;
-    }
 }
 
 }  // namespace
@@ -195,23 +167,30 @@ point::Region without_border(point::Region region, const CopyRule& rule) {
 }
 
 std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded) {
+  std::vector<std::uint32_t> before(points.size());  // the point that each follows, or itself
+  std::iota(before.begin(), before.end(), 0u);
   std::vector<Entry> entries = by_place(points, rule.corner);
-  std::vector<Copy> copies = take_copies_from(entries, points, 0);
+  keep_firsts(points, 0, entries, before);
   if (rule.within > 0) {
     sort_by_small_cells(points, rule, entries);
-    std::vector<Copy> near = take_copies_from(entries, points, rule.within);
-    const std::vector<Copy> around = copies_around(points, std::move(entries), rule.within);
-    near.insert(near.end(), around.begin(), around.end());
-    const point::Region sure = without_border(loaded, rule);
-    for (Copy& copy : near)
-      copy.is_sure = point::is_inside(sure, to_vec3(copy.place)) && point::is_inside(sure, to_vec3(points[copy.first]));
-    sort_by_point(near);
-    const std::vector<Copy> steps = near;
-    follow_to_the_end(near, steps);
-    follow_to_the_end(copies, near);
-    copies.insert(copies.end(), near.begin(), near.end());
+    keep_firsts(points, rule.within, entries, before);
+    const Neighborhood near(points, std::move(entries), rule.within);
+    const std::span<const Entry> firsts = near.entries();
+    tbb::parallel_for(std::size_t(0), firsts.size(), [&](std::size_t e) {
+      before[firsts[e].point] = firsts[near.first_around(std::uint32_t(e))].point;
+    });
   }
-  sort_by_point(copies);
+  const point::Region sure = without_border(loaded, rule);
+  std::vector<Copy> copies;
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    if (before[i] == i) continue;
+    Copy copy{i, i, points[i], point::is_inside(sure, to_vec3(points[i]))};
+    while (before[copy.first] != copy.first) {
+      copy.first = before[copy.first];
+      copy.is_sure = copy.is_sure && point::is_inside(sure, to_vec3(points[copy.first]));
+    }
+    copies.push_back(copy);
+  }
   return copies;
 }
 
