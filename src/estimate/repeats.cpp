@@ -206,7 +206,8 @@ int first_even(const std::vector<double>& by_rank) {
   return rank;
 }
 
-// The least difference of a coordinate that is not 0 in a row, and the distance to the nearest other place; 0: none.
+// The least difference of a coordinate that is not 0 in a row, and the distance to the nearest other place; kEndless:
+// none.
 std::pair<double, double> least_steps(std::span<const Point> row) {
   double step = kEndless, distance = kEndless;
   for (const Offset& o : offsets_of(row)) {
