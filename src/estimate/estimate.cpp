@@ -14,6 +14,7 @@
 #include "estimate/constants.hpp"
 #include "estimate/coordinate_steps.hpp"
 #include "estimate/hidden_surface.hpp"
+#include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
 #include "estimate/quantile.hpp"
 #include "estimate/reach_levels.hpp"
@@ -117,7 +118,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
 // as near.
 bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
                  const std::stop_token& stop) {
-  if (queries.size() < kNoiseSamples || noise_of(samples.noise, false).gap > 0) return false;
+  if (queries.size() < kNoiseSamples) return false;
   std::size_t shown = 0;
   std::vector<std::uint32_t> thin;
   std::vector<double> sigmas;
@@ -128,7 +129,7 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
     thin.push_back(queries[i]);
     sigmas.push_back(sample.sigma);
   }
-  if (!(double(thin.size()) > kThinShare * double(shown))) return false;
+  if (!(double(thin.size()) > kThinShare * double(shown)) || noise_of(samples.noise, false).gap > 0) return false;
   std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
   std::erase_if(beyond, [](double share) { return share < 0; });
   const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);
@@ -181,12 +182,12 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
   LocalNoise noise = local_noise(samples, result.noise.sigma, for_each);
   // between two sheets, places show both
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
-  for_each(2, [&](std::size_t which) {  // at the same time, since each has serial parts
-    if (which == 0)
-      result.levels = noise_levels(samples.places, noise.log_levels, for_each);
-    else if (!result.noise.depth_has_steps)  // a matcher's windows are wider than any of them
-      result.reach_levels = reach_levels(samples, noise.at_samples, result.noise.surface_points, for_each);
-  });
+  std::vector<std::vector<double>> fields{std::move(noise.log_levels)};
+  if (!result.noise.depth_has_steps)  // a matcher's windows are wider than any of them
+    fields.push_back(log_reach_levels(samples, noise.at_samples, result.noise.surface_points, for_each));
+  std::vector<NodeLevels> levels = levels_between(samples.places, fields, for_each);
+  result.levels = noise_levels(std::move(levels[0]), fields[0]);
+  if (fields.size() > 1) result.reach_levels = std::make_shared<const NodeLevels>(std::move(levels[1]));
 }
 
 // In flat places, of neighbourhoods of 115 points; endless if there are none.
@@ -223,7 +224,8 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
 
 // The rows of pools, with samples numbered among those that show noise; empty if there are no rows.
 std::vector<std::uint32_t> pools_of_shown(const Samples& samples, const ForEach& for_each) {
-  if (samples.pools.empty()) return {};
+  if (samples.pools.empty() || std::ranges::all_of(samples.noise, &point::NoiseSample::shows_noise))
+    return samples.pools;
   std::vector<std::uint32_t> number;
   std::uint32_t shown = 0;
   for (const point::NoiseSample& sample : samples.noise) number.push_back(sample.shows_noise ? shown++ : 0);
@@ -268,7 +270,7 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
   if (!(result.noise.sigma > 0)) return;
   for (double& level : noise)
     level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
-  result.levels = noise_levels(places, noise, for_each);
+  result.levels = noise_levels(places, std::move(noise), for_each);
 }
 
 // Levels times a factor.
@@ -308,6 +310,13 @@ double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSt
   return residual_growth(std::span(residuals).first(std::min(residuals.size(), kNoiseSamples))).flat;
 }
 
+// What samples show.
+struct Seen {
+  Estimate estimate;
+  double growth = 1;  // as add_noise_of() returns it
+  HiddenSurface hidden;
+};
+
 }  // namespace
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
@@ -328,15 +337,31 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
       with_copies.copies = copies;
       return with_copies;
     }
+  Seen seen;
+  const auto look = [&](const CoordinateSteps& steps, int repeats, const std::vector<Point>& rows) {
+    seen = {};
+    for_each(rows.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since few clouds hide a surface
+      if (which == 0)
+        seen.growth = add_noise_of(seen.estimate, samples, steps, sample, repeats, for_each);
+      else
+        seen.hidden = find_hidden_surface(rows, samples.noise, for_each);
+    });
+    if (!rows.empty() && seen.hidden.on_surface.empty())
+      seen.hidden = find_quiet_surface(samples.noise, samples.residuals);
+  };
   Spacing spacing;
   Repeats found;
   StepsInHeads in_heads;
   KnownSensor sensor;
-  for_each(4, [&](std::size_t which) {  // at the same time, since each has serial parts
-    if (which == 0) found = repeats_among(nearest, for_each);
-    if (which == 1) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
-    if (which == 2) spacing = spacing_of(samples.spacing);
-    if (which == 3) sensor = find_sensor(nearest, sample);
+  const std::vector<Point> rows = rows_of_hidden(nearest, samples.noise);
+  const bool is_thin = may_be_thin(from, samples, for_noise, stop);
+  // At the same time, since each has serial parts. Most clouds have neither repeats nor steps.
+  for_each(5, [&](std::size_t which) {
+    if (which == 0 && !is_thin) look({}, 1, rows);
+    if (which == 1) found = repeats_among(nearest, for_each);
+    if (which == 2) in_heads = steps_in_heads(nearest.heads(), nearest.samples(), for_each);
+    if (which == 3) spacing = spacing_of(samples.spacing);
+    if (which == 4) sensor = find_sensor(nearest, sample);
   });
   int repeats = found.points;
   const auto thinned_samples = [&] {
@@ -344,29 +369,21 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
                                 stop);
   };
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
-  if (repeats > 1)
-    samples = thinned_samples();
-  else if (steps.kind != CoordinateSteps::Kind::depth && may_be_thin(from, samples, for_noise, stop))
-    samples = from.take_samples_by({.sheets = true}, {}, for_noise, stop);
-  cover_rounding(steps, samples.noise);
-  Estimate result{spacing, {}};
-  double growth = 1;
-  const auto add_noise = [&] { growth = add_noise_of(result, samples, steps, sample, repeats, for_each); };
-  const bool may_hide = repeats == 1 && steps.at.empty();
-  const std::vector<Point> rows = may_hide ? rows_of_hidden(nearest, samples.noise) : std::vector<Point>();
-  HiddenSurface hidden;
-  for_each(rows.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since few clouds hide one
-    if (which == 0)
-      add_noise();
-    else
-      hidden = find_hidden_surface(rows, samples.noise, for_each);
-  });
-  if (!rows.empty() && hidden.on_surface.empty()) hidden = find_quiet_surface(samples.noise, samples.residuals);
-  if (!hidden.on_surface.empty()) {
+  const bool is_plain = repeats == 1 && steps.at.empty();
+  if (!is_plain || is_thin) {
+    if (repeats > 1)
+      samples = thinned_samples();
+    else if (steps.kind != CoordinateSteps::Kind::depth && is_thin)
+      samples = from.take_samples_by({.sheets = true}, {}, for_noise, stop);
+    cover_rounding(steps, samples.noise);
+    look(steps, repeats, is_plain ? rows_of_hidden(nearest, samples.noise) : std::vector<Point>());
+  }
+  if (!seen.hidden.on_surface.empty()) {
     Estimate of_hidden{spacing, {}};
-    add_hidden_surface(of_hidden, hidden, sample, for_each);
+    add_hidden_surface(of_hidden, seen.hidden, sample, for_each);
     return of_hidden;
   }
+  auto& [result, growth, hidden] = seen;
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless &&
                      result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
@@ -375,9 +392,9 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     repeats = kMostRepeats;
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
-    result = {spacing, {}};
-    add_noise();
+    look(steps, repeats, {});
   }
+  result.spacing = spacing;
   result.noise.is_shared = result.noise.is_shared || repeats > kMostCopies * found.copies;
   if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;

@@ -29,7 +29,7 @@ GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const 
   std::vector<double> log_levels;
   for (const float value : values)
     log_levels.push_back(portable::log(std::clamp(value / sigma, 1 / kLargestLevel, kLargestLevel)));
-  return GivenNoise{sigma, noise_levels(sample.points, log_levels, for_each)};
+  return GivenNoise{sigma, noise_levels(sample.points, std::move(log_levels), for_each)};
 }
 
 std::optional<GivenNoise> given_noise(std::span<const float> values, std::span<const Point> points,

@@ -3,8 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
-#include <memory>
 
 #include "estimate/constants.hpp"
 #include "point/node_field.h"
@@ -17,75 +15,81 @@ namespace {
 using constants::kAside;
 using constants::kMostNodes;
 
-// Sums over the cells of a cube of n cells an axis, and their means once they are known.
-struct Level {
-  explicit Level(int cells)
-      : n(cells),
-        weight(std::size_t(n) * n * n),
-        sum(weight.size()),
-        mean(std::make_unique_for_overwrite<double[]>(weight.size())) {}
-  std::size_t at(int x, int y, int z) const { return (std::size_t(z) * n + y) * n + x; }
-  int n;
-  std::vector<double> weight, sum;
-  std::unique_ptr<double[]> mean;
+using Fields = std::vector<std::vector<double>>;  // values of each field
+
+// Sums over cells, or nodes.
+struct Sums {
+  Sums(std::size_t cells, std::size_t fields) : weight(cells), values(fields, std::vector<double>(cells)) {}
+  std::vector<double> weight;
+  Fields values;
 };
 
-// Calls body(z) for the slabs of a level, many at once where that is worth it.
-void for_slabs(int slabs, const ForEach& for_each, const std::function<void(std::size_t)>& body) {
-  constexpr int kWorthIt = 8;
-  if (slabs >= kWorthIt) return for_each(std::size_t(slabs), body);
-  for (std::size_t z = 0; z < std::size_t(slabs); ++z) body(z);
-}
-
-// Gortler and others 1996: sums are pushed to ever wider cells, and means are pulled back.
-void push(const Level& from, Level& to, const ForEach& for_each) {
-  for_slabs(to.n, for_each, [&](std::size_t slab) {
-    for (int z = 2 * int(slab); z < 2 * int(slab) + 2; ++z)
-      for (int y = 0; y < from.n; ++y)
-        for (int x = 0; x < from.n; ++x) {
-          to.weight[to.at(x / 2, y / 2, z / 2)] += from.weight[from.at(x, y, z)];
-          to.sum[to.at(x / 2, y / 2, z / 2)] += from.sum[from.at(x, y, z)];
-        }
-  });
-}
-
-// The means of `fine` from its own sums and from the means of cells twice as wide, trilinear between their middles: the
-// middle of a finer cell lies three quarters towards one cell from the next.
-void pull(const Level& coarse, Level& fine, const ForEach& for_each) {
-  const auto beside = [&](int i) { return std::clamp(i / 2 + (i % 2 == 0 ? -1 : 1), 0, coarse.n - 1); };
-  const auto between = [](double own, double next) { return own + (next - own) / 4; };
-  for_slabs(fine.n, for_each, [&](std::size_t slab) {
-    const int z = int(slab);
-    const auto along_z = [&](int x, int y) {
-      return between(coarse.mean[coarse.at(x, y, z / 2)], coarse.mean[coarse.at(x, y, beside(z))]);
-    };
-    for (int y = 0; y < fine.n; ++y) {
-      const auto along_y = [&](int x) { return between(along_z(x, y / 2), along_z(x, beside(y))); };
-      for (int x = 0; x < fine.n; ++x) {
-        const std::size_t cell = fine.at(x, y, z);
-        fine.mean[cell] = (fine.sum[cell] + between(along_y(x / 2), along_y(beside(x)))) / (fine.weight[cell] + 1);
-      }
+// The nodes of one z. Each place has a trilinear share in eight nodes.
+Sums slab_of(const std::vector<Point>& places, const Fields& values, const point::NodeField& grid, int z) {
+  Sums slab(std::size_t(grid.nodes) * grid.nodes, values.size());
+  const auto share = [](const point::NodePlace& along, bool after) {
+    return after ? double(along.above) : 1 - double(along.above);
+  };
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const point::NodePlace along_z = point::node_place(grid, places[i].z, grid.first.z);
+    if (z != along_z.below && z != along_z.below + 1) continue;
+    const point::NodePlace along_x = point::node_place(grid, places[i].x, grid.first.x),
+                           along_y = point::node_place(grid, places[i].y, grid.first.y);
+    for (int corner = 0; corner < 4; ++corner) {
+      const bool right = corner & 1, up = corner & 2;
+      const double its = share(along_x, right) * share(along_y, up) * share(along_z, z > along_z.below);
+      const std::size_t node = std::size_t(along_y.below + up) * grid.nodes + std::size_t(along_x.below + right);
+      slab.weight[node] += its;
+      for (std::size_t f = 0; f < values.size(); ++f) slab.values[f][node] += its * values[f][i];
     }
-  });
-}
-
-// Trilinear shares of a value at its eight nodes.
-void add(Level& nodes, const point::NodeField& field, const Point& p, double value) {
-  const point::NodePlace along[] = {point::node_place(field, p.x, field.first.x),
-                                    point::node_place(field, p.y, field.first.y),
-                                    point::node_place(field, p.z, field.first.z)};
-  for (int corner = 0; corner < 8; ++corner) {
-    double share = 1;
-    int at[3];
-    for (int axis = 0; axis < 3; ++axis) {
-      const bool high = corner >> axis & 1;
-      at[axis] = along[axis].below + high;
-      share *= high ? double(along[axis].above) : 1 - double(along[axis].above);
-    }
-    nodes.weight[nodes.at(at[0], at[1], at[2])] += share;
-    nodes.sum[nodes.at(at[0], at[1], at[2])] += share * value;
   }
+  return slab;
 }
+
+// Cells of a cube of n an axis, and the means of each field once they are known. Gortler and others 1996: sums are
+// pushed to ever wider cells, and means are pulled back.
+struct Level {
+  Level(int cells, std::size_t fields)
+      : n(cells), sums(std::size_t(n) * n * n, fields), means(fields, std::vector<double>(sums.weight.size())) {}
+  std::size_t at(int x, int y, int z) const { return (std::size_t(z) * n + y) * n + x; }
+
+  // Adds a slab of cells half as wide, of which few hold a value.
+  void push(const Sums& from, std::size_t first, int z) {
+    for (int y = 0; y < 2 * n; ++y)
+      for (int x = 0; x < 2 * n; ++x) {
+        const std::size_t cell = first + std::size_t(y) * 2 * n + x, wider = at(x / 2, y / 2, z / 2);
+        if (from.weight[cell] == 0) continue;
+        sums.weight[wider] += from.weight[cell];
+        for (std::size_t f = 0; f < means.size(); ++f) sums.values[f][wider] += from.values[f][cell];
+      }
+  }
+
+  // Writes the means of a row of cells half as wide, from their own sums, of which `first` is the first, and from these
+  // means, trilinear between the middles of cells: the middle of a finer cell lies three quarters towards one cell from
+  // the next.
+  void pull_row(const Sums& to, std::size_t first, std::size_t field, int y, int z, double* row_means) const {
+    const auto beside = [&](int i) { return std::clamp(i / 2 + (i % 2 == 0 ? -1 : 1), 0, n - 1); };
+    const auto between = [](double own, double next) { return own + (next - own) / 4; };
+    const auto row = [&](int at_y, int at_z) { return means[field].data() + at(0, at_y, at_z); };
+    const double *here = row(y / 2, z / 2), *next_z = row(y / 2, beside(z)), *next_y = row(beside(y), z / 2),
+                 *next_yz = row(beside(y), beside(z));
+    double wide[kMostNodes];
+    for (int x = 0; x < n; ++x) wide[x] = between(between(here[x], next_z[x]), between(next_y[x], next_yz[x]));
+    const double *const value = to.values[field].data() + first, *const weight = to.weight.data() + first;
+    for (int x = 0; x < 2 * n; ++x) row_means[x] = (value[x] + between(wide[x / 2], wide[beside(x)])) / (weight[x] + 1);
+  }
+
+  void pull(Level& fine) const {
+    for (std::size_t f = 0; f < means.size(); ++f)
+      for (int z = 0; z < fine.n; ++z)
+        for (int y = 0; y < fine.n; ++y)
+          pull_row(fine.sums, fine.at(0, y, z), f, y, z, &fine.means[f][fine.at(0, y, z)]);
+  }
+
+  int n;
+  Sums sums;
+  Fields means;
+};
 
 // As fine as places on a surface are dense, in powers of two.
 int nodes_for(std::size_t places) {
@@ -114,23 +118,36 @@ NodeLevels grid_around(const std::vector<Point>& places, const ForEach& for_each
 
 }  // namespace
 
-NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                          const ForEach& for_each) {
-  NodeLevels result = grid_around(places, for_each);
-  const point::NodeField field = field_of(&result);
+std::vector<NodeLevels> levels_between(const std::vector<Point>& places,
+                                       const std::vector<std::vector<double>>& log_levels, const ForEach& for_each) {
+  const std::size_t fields = log_levels.size();
+  std::vector<NodeLevels> results(fields, grid_around(places, for_each));
+  const point::NodeField grid = field_of(&results.front());
+  const std::size_t nodes = std::size_t(grid.nodes), size = nodes * nodes;  // of a slab
+  // The nodes themselves are summed twice, slab by slab, since so many at once are new to each cache.
   std::vector<Level> levels;  // the finest first
-  for (int n = result.nodes; n > 0; n /= 2) levels.emplace_back(n);
-  for (std::size_t i = 0; i < places.size(); ++i) add(levels[0], field, places[i], log_levels[i]);
-  for (std::size_t level = 1; level < levels.size(); ++level) push(levels[level - 1], levels[level], for_each);
-  levels.back().mean[0] = levels.back().sum[0] / levels.back().weight[0];
-  for (std::size_t level = levels.size() - 1; level > 0; --level) pull(levels[level], levels[level - 1], for_each);
-  result.levels.resize(levels[0].sum.size());
-  for_each(std::size_t(result.nodes), [&](std::size_t z) {
-    const std::size_t slab = result.levels.size() / std::size_t(result.nodes);
-    for (std::size_t i = z * slab; i < (z + 1) * slab; ++i)
-      result.levels[i] = float(portable::exp_within_700(levels[0].mean[i]));
+  for (int n = grid.nodes / 2; n > 0; n /= 2) levels.emplace_back(n, fields);
+  for_each(nodes / 2, [&](std::size_t pair) {
+    for (int z = 2 * int(pair); z < 2 * int(pair) + 2; ++z) levels[0].push(slab_of(places, log_levels, grid, z), 0, z);
   });
-  return result;
+  for (std::size_t level = 1; level < levels.size(); ++level)
+    for (int z = 0; z < levels[level - 1].n; ++z)
+      levels[level].push(levels[level - 1].sums, levels[level - 1].at(0, 0, z), z);
+  Level& whole = levels.back();
+  for (std::size_t f = 0; f < fields; ++f) whole.means[f][0] = whole.sums.values[f][0] / whole.sums.weight[0];
+  for (std::size_t level = levels.size() - 1; level > 0; --level) levels[level].pull(levels[level - 1]);
+  for (NodeLevels& result : results) result.levels.resize(size * nodes);
+  for_each(nodes, [&](std::size_t z) {
+    const Sums slab = slab_of(places, log_levels, grid, int(z));
+    double means[kMostNodes];
+    for (std::size_t f = 0; f < fields; ++f)
+      for (std::size_t y = 0; y < nodes; ++y) {
+        levels[0].pull_row(slab, y * nodes, f, int(y), int(z), means);
+        float* const row = &results[f].levels[z * size + y * nodes];
+        for (std::size_t x = 0; x < nodes; ++x) row[x] = float(portable::exp_within_700(means[x]));
+      }
+  });
+  return results;
 }
 
 }  // namespace pointfair

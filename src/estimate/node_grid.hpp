@@ -10,9 +10,10 @@
 
 namespace pointfair {
 
-// Levels at the nodes of a grid around most of `places`. A node takes the mean of the logarithms near it; the fewer
-// there are, the more a wider surrounding counts. The calls of `for_each` share the work.
-NodeLevels levels_between(const std::vector<Point>& places, const std::vector<double>& log_levels,
-                          const ForEach& for_each);
+// Levels at the nodes of a grid around most of `places`, for each field of which `log_levels` has a logarithm a place.
+// A node takes the mean of the logarithms near it; the fewer there are, the more a wider surrounding counts. The calls
+// of `for_each` share the work.
+std::vector<NodeLevels> levels_between(const std::vector<Point>& places,
+                                       const std::vector<std::vector<double>>& log_levels, const ForEach& for_each);
 
 }  // namespace pointfair

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -41,116 +42,168 @@ const Curve& chance_medians() {
   return all;
 }
 
-// What the samples show whose neighbourhood is wide against the noise; NaN of the others, which show no noise.
+// What a sample shows whose neighbourhood is wide against the noise; NaN of the others, which show no noise.
 struct Shown {
-  std::array<std::vector<double>, kSizes> variances;  // of each size of neighbourhood
-  std::vector<double> spacings;                       // of the wide neighbourhoods
+  Curve variances;
+  double spacing;
 };
 
-Shown shown_by(const LocalSamples& samples) {
-  const std::size_t count = samples.places.size();
-  Shown shown;
-  shown.spacings.assign(count, kUnknown);
-  shown.variances.fill(shown.spacings);
-  for (std::size_t i = 0; i < count; ++i) {
+std::vector<Shown> shown_by(const LocalSamples& samples) {
+  Shown nothing{{}, kUnknown};
+  nothing.variances.fill(kUnknown);
+  std::vector<Shown> shown(samples.places.size(), nothing);
+  for (std::size_t i = 0; i < shown.size(); ++i) {
     if (!samples.noise[i].is_wide) continue;
-    shown.spacings[i] = samples.noise[i].spacing;
+    shown[i].spacing = samples.noise[i].spacing;
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
     for (std::size_t size = 0; size < kSizes; ++size)
-      if (found[size] >= 0) shown.variances[size][i] = found[size] * found[size];
+      if (found[size] >= 0) shown[i].variances[size] = found[size] * found[size];
   }
   return shown;
 }
 
+// The comparisons of Batcher's odd-even merge sort of a pool.
+constexpr auto kNetwork = [] {
+  static_assert(kPool == 16);
+  std::array<std::pair<unsigned char, unsigned char>, 63> network;
+  std::size_t count = 0;
+  for (std::size_t sorted = 1; sorted < kPool; sorted *= 2)
+    for (std::size_t apart = sorted; apart > 0; apart /= 2)
+      for (std::size_t low = apart % sorted; low + apart < kPool; ++low) {
+        const bool is_in_pair = (low - apart % sorted) / apart % 2 == 0;
+        if (is_in_pair && low / (2 * sorted) == (low + apart) / (2 * sorted))
+          network[count++] = {static_cast<unsigned char>(low), static_cast<unsigned char>(low + apart)};
+      }
+  return network;
+}();
+
+// The medians over a pool of what is known of each value, NaN where fewer than half are. All at once, and without
+// branches that depend on values, which are hard to guess.
+Shown medians_of(std::span<const std::uint32_t> pool, const std::vector<Shown>& shown) {
+  constexpr std::size_t kValues = kSizes + 2;  // the spacing twice, since vectors hold two values
+  using Values = std::array<double, kValues>;
+  std::array<Values, kPool> sorted;
+  std::array<std::size_t, kValues> known{};
+  for (std::size_t i = 0; i < kPool; ++i) {
+    const Shown& its = shown[pool[i]];
+    std::copy(its.variances.begin(), its.variances.end(), sorted[i].begin());
+    sorted[i][kSizes] = sorted[i][kSizes + 1] = its.spacing;
+    for (std::size_t v = 0; v < kValues; ++v) {
+      const bool is_known = sorted[i][v] == sorted[i][v];
+      known[v] += is_known;
+      sorted[i][v] = is_known ? sorted[i][v] : std::numeric_limits<double>::infinity();
+    }
+  }
+  for (const auto& [low, high] : kNetwork) {
+    const Values a = sorted[low], b = sorted[high];
+    for (std::size_t v = 0; v < kValues; ++v) sorted[low][v] = std::min(a[v], b[v]);
+    for (std::size_t v = 0; v < kValues; ++v) sorted[high][v] = std::max(a[v], b[v]);
+  }
+  const auto median = [&](std::size_t v) { return 2 * known[v] >= kPool ? sorted[known[v] / 2][v] : kUnknown; };
+  Shown medians;
+  for (std::size_t size = 0; size < kSizes; ++size) medians.variances[size] = median(size);
+  medians.spacing = median(kSizes);
+  return medians;
+}
+
 // The variances at the place of the pool's first sample. A narrow neighbourhood cuts off what lies far from the
 // surface, so its variance is a lower bound. One that is below the typical noise is therefore unknown.
-Curve curve_of(std::span<const std::uint32_t> pool, const Shown& shown, double typical) {
-  const std::size_t half = (pool.size() + 1) / 2;  // as many must be known
-  const double spacing = median_known(pool, shown.spacings, half);
+Curve curve_of(std::span<const std::uint32_t> pool, const std::vector<Shown>& shown, double typical) {
+  const Shown medians = medians_of(pool, shown);
   Curve curve;
   curve.fill(kUnknown);
   for (std::size_t size = 0; size < kSizes; ++size) {
-    const double variance = median_known(pool, shown.variances[size], half) / chance_medians()[size];
-    const double radius = spacing * std::sqrt(kCounts[size] / std::numbers::pi);
+    const double variance = medians.variances[size] / chance_medians()[size];
+    const double radius = medians.spacing * std::sqrt(kCounts[size] / std::numbers::pi);
     const bool cut_off = variance < typical * typical && radius < kWideAgainstResiduals * std::sqrt(variance);
     if (!cut_off) curve[size] = variance;
   }
   return curve;
 }
 
-// log(1 + shape / noise) of each model (Eq. 21), for each size: shape grows as a power of the size.
 constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
-using Models = std::array<std::array<double, kModels>, kSizes>;
+using OfModels = std::array<double, kModels>;
+
+constexpr double kPriorWeight = 1 / (4 * kSpread * kSpread);  // of the typical noise
+
+// What all weighted least squares of Eq. 21 share whose variances are known at the same sizes.
+struct Fit {
+  Curve weight{};             // of each size's variance; 0 where it is not known
+  double all = kPriorWeight;  // weights
+  OfModels misfit;            // minus twice the log likelihood of a curve that is 1 everywhere
+  OfModels noise;             // over that of a model without shape
+};
+
+struct Models {
+  std::array<OfModels, kSizes> logs;    // log(1 + shape / noise) at each size: shape grows as a power of the size
+  std::array<Fit, 1 << kSizes> fit_of;  // by the known sizes, a bit each
+};
 
 const Models& models() {
   static const Models all = [] {
-    Models rows;
+    Models its;
     for (std::size_t n = 0; n < kModels; ++n)
       for (std::size_t size = 0; size < kSizes; ++size) {
         const int step = kLeastShape + int(n % kSteps);
-        rows[size][n] = portable::log1p(portable::pow(10.0, step / 2.0) *
-                                        portable::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
+        its.logs[size][n] = portable::log1p(portable::pow(10.0, step / 2.0) *
+                                            portable::pow(kCounts[size] / 16.0, kShapePowers[n / kSteps]));
       }
-    return rows;
-  }();
-  return all;
-}
-
-// The weight of a size's variance in the fits of Eq. 21.
-const Curve& size_weights() {
-  static const Curve all = [] {
-    Curve weights;
-    for (std::size_t size = 0; size < kSizes; ++size) {
-      const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
-      weights[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
+    for (std::size_t known = 0; known < its.fit_of.size(); ++known) {
+      Fit& fit = its.fit_of[known];
+      for (std::size_t size = 0; size < kSizes; ++size) {
+        if (!(known >> size & 1)) continue;
+        const double chance = 2 / (freedom_of(size) * double(kPool) / 2);
+        fit.weight[size] = std::sqrt(16.0 / kCounts[size]) / (chance + kFitError * kFitError);
+        fit.all += fit.weight[size];
+      }
+      for (std::size_t n = 0; n < kModels; ++n) {
+        double first = 0, second = 0;
+        for (std::size_t size = 0; size < kSizes; ++size) {
+          first += fit.weight[size] * its.logs[size][n];
+          second += fit.weight[size] * its.logs[size][n] * its.logs[size][n];
+        }
+        fit.misfit[n] = second - first * first / fit.all;
+        fit.noise[n] = portable::exp(-0.5 * first / fit.all);
+      }
     }
-    return weights;
+    return its;
   }();
   return all;
 }
 
 // The posterior mean of the standard deviation of the noise, over all models with one prior; the noise of each model is
 // that of weighted least squares of logarithms.
-double noise_of(const Curve& curve, double typical) {
-  Curve weight{}, logs{};
-  double all = 0;
-  int known = 0;
+double noise_of(const Curve& curve, double log_typical) {
+  Curve logs{};
+  std::size_t known = 0;
   for (std::size_t size = 0; size < kSizes; ++size) {
     if (!(curve[size] > 0)) continue;
-    weight[size] = size_weights()[size];
     logs[size] = portable::log(curve[size]);
-    all += weight[size];
-    ++known;
+    known |= std::size_t(1) << size;
   }
-  if (known < 2) return kUnknown;  // nothing tells shape from noise
-  const double prior = 1 / (4 * kSpread * kSpread), log_typical = 2 * portable::log(typical);
-  all += prior;
-  const Models& rows = models();
-  std::array<double, kModels> misfit, log_noise;  // minus twice the log likelihood
-  for (std::size_t n = 0; n < kModels; ++n) {
-    double first = prior * log_typical, second = prior * log_typical * log_typical;
-    for (std::size_t size = 0; size < kSizes; ++size) {
-      const double part = logs[size] - rows[size][n];
-      first += weight[size] * part;
-      second += weight[size] * part * part;
-    }
-    misfit[n] = second - first * first / all;
-    log_noise[n] = first / all;
-  }
+  if (std::popcount(known) < 2) return kUnknown;  // nothing tells shape from noise
+  const Fit& fit = models().fit_of[known];
+  double mean = kPriorWeight * 2 * log_typical / fit.all;
+  for (std::size_t size = 0; size < kSizes; ++size) mean += fit.weight[size] * logs[size] / fit.all;
+  Curve pull;  // of each size on the misfit
+  for (std::size_t size = 0; size < kSizes; ++size) pull[size] = 2 * fit.weight[size] * (logs[size] - mean);
+  const std::array<OfModels, kSizes>& rows = models().logs;
+  OfModels misfit = fit.misfit;  // but for what all models share
+  for (std::size_t size = 0; size < kSizes; ++size)
+    for (std::size_t n = 0; n < kModels; ++n) misfit[n] -= pull[size] * rows[size][n];
   const double best = *std::min_element(misfit.begin(), misfit.end());
   // one thing a loop, so that compilers make vectors of each
   constexpr double kNextToNone = -690;  // its exponential is lost beside the best one's, which is 1
-  std::array<double, kModels> likelihood, noise;
+  OfModels likelihood;
   for (std::size_t n = 0; n < kModels; ++n) likelihood[n] = std::max(-0.5 * (misfit[n] - best), kNextToNone);
   for (double& its : likelihood) its = portable::exp_within_700(its);
-  for (std::size_t n = 0; n < kModels; ++n) noise[n] = portable::exp_within_700(0.5 * log_noise[n]);
   double sum = 0, all_likelihoods = 0;
   for (std::size_t n = 0; n < kModels; ++n) {
-    sum += likelihood[n] * noise[n];
+    sum += likelihood[n] * fit.noise[n];
     all_likelihoods += likelihood[n];
   }
-  return sum / all_likelihoods;
+  return portable::exp(0.5 * mean) * (sum / all_likelihoods);
 }
 
 // Shrinks the logarithms of levels by the share of their spread that chance makes.
@@ -173,10 +226,11 @@ std::array<double, 3> quantiles_of(const std::vector<double>& log_levels) {
 }  // namespace
 
 LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each) {
-  const Shown shown = shown_by(samples);
+  const std::vector<Shown> shown = shown_by(samples);
+  const double log_cloud = portable::log(typical);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
   for_each(noise.size(),
-           [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), typical); });
+           [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), log_cloud); });
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(samples.near(i), noise);
     log_levels[i] = std::isnan(median) ? 0 : portable::log(median / typical);
@@ -184,16 +238,22 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEac
   shrink(log_levels);
   const double log_typical = quantile(log_levels, 0.5);
   const double largest = portable::log(kLargestLevel);
-  for (double& log_level : log_levels) log_level = std::clamp(log_level - log_typical, -largest, largest);
   typical *= portable::exp(log_typical);
-  for (std::size_t i = 0; i < noise.size(); ++i) noise[i] = typical * portable::exp(log_levels[i]);
+  for_each(noise.size(), [&](std::size_t i) {
+    log_levels[i] = std::clamp(log_levels[i] - log_typical, -largest, largest);
+    noise[i] = typical * portable::exp(log_levels[i]);
+  });
   return {typical, std::move(noise), std::move(log_levels)};
 }
 
-std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, const std::vector<double>& log_levels,
+std::shared_ptr<const NoiseLevels> noise_levels(NodeLevels levels, const std::vector<double>& log_levels) {
+  return std::make_shared<const NoiseLevels>(NoiseLevels{std::move(levels), quantiles_of(log_levels)});
+}
+
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
                                                 const ForEach& for_each) {
-  return std::make_shared<const NoiseLevels>(
-      NoiseLevels{levels_between(places, log_levels, for_each), quantiles_of(log_levels)});
+  const std::vector<std::vector<double>> fields{std::move(log_levels)};
+  return noise_levels(std::move(levels_between(places, fields, for_each).front()), fields.front());
 }
 
 }  // namespace pointfair

@@ -21,7 +21,9 @@ struct LocalNoise {
 LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each);
 
 // The field of levels whose logarithms at some places, at least one, are `log_levels`.
-std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, const std::vector<double>& log_levels,
+std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,
                                                 const ForEach& for_each);
+// The same, of levels that were found already.
+std::shared_ptr<const NoiseLevels> noise_levels(NodeLevels levels, const std::vector<double>& log_levels);
 
 }  // namespace pointfair

@@ -51,12 +51,12 @@ std::vector<std::uint32_t> pools_of(const std::vector<Point>& places, const ForE
   return pools;
 }
 
-double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values, std::size_t fewest) {
+double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values) {
   std::array<double, kPool> known;
   std::size_t count = 0;
   for (const std::uint32_t i : pool)
     if (!std::isnan(values[i])) known[count++] = values[i];
-  if (count < fewest) return std::numeric_limits<double>::quiet_NaN();
+  if (count == 0) return std::numeric_limits<double>::quiet_NaN();
   std::nth_element(known.begin(), known.begin() + std::ptrdiff_t(count / 2), known.begin() + std::ptrdiff_t(count));
   return known[count / 2];
 }

@@ -32,7 +32,7 @@ struct LocalSamples {
 // at worst; the calls of `for_each` share the work.
 std::vector<std::uint32_t> pools_of(const std::vector<Point>& places, const ForEach& for_each);
 
-// The median of the values of a pool that are no NaN; NaN where fewer than `fewest`, at least one, are known.
-double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values, std::size_t fewest = 1);
+// The median of the values of a pool that are no NaN; NaN where all are.
+double median_known(std::span<const std::uint32_t> pool, const std::vector<double>& values);
 
 }  // namespace pointfair

@@ -5,7 +5,6 @@
 #include <array>
 #include <cmath>
 
-#include "estimate/node_grid.hpp"
 #include "estimate/share_between.hpp"
 #include "point/noise_field.h"
 #include "portable.hpp"
@@ -51,8 +50,8 @@ double log_best_count(const Risks& risks) {
 
 }  // namespace
 
-std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, const std::vector<double>& noise,
-                                               int surface_points, const ForEach& for_each) {
+std::vector<double> log_reach_levels(const LocalSamples& samples, const std::vector<double>& noise, int surface_points,
+                                     const ForEach& for_each) {
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
@@ -66,7 +65,7 @@ std::shared_ptr<const NodeLevels> reach_levels(const LocalSamples& samples, cons
     log_levels[i] = (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
   for_each(count, [&](std::size_t i) { smooth[i] = median_known(samples.near(i), log_levels); });
-  return std::make_shared<const NodeLevels>(levels_between(samples.places, smooth, for_each));
+  return smooth;
 }
 
 }  // namespace pointfair
