@@ -85,15 +85,29 @@ TEST(Mesh, laplace_taubin_and_hc_are_the_published_steps_over_the_ring) {
 
 TEST(Mesh, points_along_a_seam_move_as_one_and_as_in_the_welded_mesh) {
   const Mesh welded = hill(12, Sides::mixed), seams = meshes::unwelded(welded);
-  for (const Method method : {Method::laplacian, Method::taubin, Method::mollified}) {
-    Params params = along_mesh(method);
-    params.radius = 0.2;
-    params.min_neighbors = 1;
-    params.normal_sigma = params.closeness_sigma = 0.1;
-    params.similarity_sigma = 0.05;
-    params.relaxation = 0.5;
-    const Points whole = run(welded, params).points, parts = run(seams, params).points;
-    EXPECT_TRUE(same_bits(meshes::unwelded({whole, welded.faces}).points, parts)) << int(method);
+  for (const Method method : {Method::bilateral, Method::laplacian, Method::taubin, Method::mls, Method::mollified})
+    for (const int min_neighbors : {1, 16}) {
+      Params params = along_mesh(method);
+      params.radius = 0.2;
+      params.min_neighbors = min_neighbors;
+      params.normal_sigma = params.closeness_sigma = 0.1;
+      params.similarity_sigma = 0.05;
+      params.relaxation = 0.5;
+      const Points whole = run(welded, params).points, parts = run(seams, params).points;
+      EXPECT_TRUE(same_bits(meshes::unwelded({whole, welded.faces}).points, parts))
+          << int(method) << ' ' << min_neighbors;
+    }
+}
+
+TEST(Mesh, of_faces_without_common_vertices_is_denoised_as_well) {
+  const Mesh welded = hill(40, Sides::triangles), seams = meshes::unwelded(welded);
+  for (const Method method : {Method::bilateral, Method::mls, Method::wiener}) {
+    const Result whole = run(welded, along_mesh(method)), parts = run(seams, along_mesh(method));
+    EXPECT_EQ(parts.report.unmoved.too_few_neighbors, 0u) << int(method);
+    EXPECT_EQ(parts.report.copies, 0u) << "a vertex repeats no measurement";
+    const Points expected = meshes::unwelded({whole.points, welded.faces}).points;
+    EXPECT_LT(shapes::mean_distance(parts.points, expected), 0.1 * shapes::mean_distance(expected, seams.points))
+        << int(method);
   }
 }
 

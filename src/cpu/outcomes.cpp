@@ -96,7 +96,9 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   for_points(index, [&](std::size_t i) {
     const float gap = point::squared_gap_to_outside(loaded, vector_at(index, i));
     const bool has_normal = point::squared_length(vector_at(normals(), i)) > 0;
-    if (by_list()) {
+    if (neighbors_.mesh) {  // of which all is loaded
+      depths.include(i, gap, 0, !has_normal);
+    } else if (by_list()) {
       const Entries entries = entries_of(index, lists, i);
       neighborhood[i] = one_if(point::is_exact_list(rule, entries.count, entries.squared_last, gap));
       is_short[i] = neighbors_.constraint && entries.count < neighbors_.k;

@@ -244,6 +244,7 @@ void Chain::restore_normals(Point* out) {
 
 void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
   run_waiting_normals();
+  if (along_mesh()) restore_neighborhoods({});  // a further iteration may have their memory
   const bool reads_areas = fairing_settings_.area_weight != AreaWeight::none;
   const NearestQuery query = nearest_query();
   cuda::find_outcomes(context_, index_.tree(), grown_surroundings(), normals(),
@@ -252,7 +253,8 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
                        reads_areas ? mean_distance_.data() : nullptr,
                        normal_settings_.filter_rounds,
                        reads_normals_of_neighbors(fairing_settings_),
-                       fairing_settings_.method != Method::bilateral},
+                       fairing_settings_.method != Method::bilateral,
+                       along_mesh()},
                       index_.points(), out);
 }
 

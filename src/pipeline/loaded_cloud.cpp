@@ -34,7 +34,8 @@ void LoadedCloud::forget() {
   sample_without_copies.reset();
   spacing_without_copies.reset();
   copies_.clear();
-  are_copies_aside_ = false;
+  seams_.clear();
+  aside_ = Aside::nothing;
   noise.reset();
   levels.reset();
   reach_levels.reset();
@@ -66,7 +67,8 @@ void LoadedCloud::carry_over(const std::function<void()>& make) {
     reset();
     make();
     upload(input, cached.order, false);
-    if (are_copies_aside_) backend_->set_aside(copies_);
+    const std::span<const Copy> its = copies_aside();
+    if (!its.empty()) backend_->set_aside({its.begin(), its.end()});
   } catch (...) {
     drop();
     throw;
@@ -87,11 +89,17 @@ void LoadedCloud::find_copies(const CopyRule& rule, int times) {
   sample_without_copies = once_each(*sample, firsts, places, times);
 }
 
-void LoadedCloud::set_copies_aside(bool aside) {
-  if (aside == are_copies_aside_) return;
+void LoadedCloud::set_aside(Aside which) {
+  if (which == Aside::seams && seams_.empty()) which = Aside::nothing;
+  if (which == aside_) return;
   cached = Cached{.order = cached.order, .settings = {}};
-  backend().set_aside(aside ? copies_ : std::vector<Copy>{});
-  are_copies_aside_ = aside;
+  aside_ = which;
+  const std::span<const Copy> its = copies_aside();
+  backend().set_aside({its.begin(), its.end()});
+}
+
+std::span<const Copy> LoadedCloud::copies_aside() const {
+  return aside_ == Aside::nothing ? std::span<const Copy>() : aside_ == Aside::copies ? copies_ : seams_;
 }
 
 bool LoadedCloud::move_to_cpu() {

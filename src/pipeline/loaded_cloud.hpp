@@ -20,6 +20,10 @@ namespace pointfair {
 
 using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 
+// Points that stages do not see, and that get what others have: the copies that were found; along a mesh, of each
+// vertex all points but its first.
+enum class Aside { nothing, copies, seams };
+
 // What computes tiles.
 struct MakeWorkers {
   std::vector<MakeBackend> of_cards{};  // one each; none: a cloud that does not fit is an error
@@ -57,12 +61,12 @@ class LoadedCloud {
 
   // Finds the copies by the rule, and the sample of the cloud without them; `times` as CopiesFound::points.
   void find_copies(const CopyRule& rule, int times);
-  // Whether stages see the cloud without the copies that were found; nothing is cached after a change.
-  void set_copies_aside(bool aside);
-  bool are_copies_aside() const { return are_copies_aside_; }
-  std::span<const Copy> copies_aside() const {
-    return are_copies_aside_ ? std::span<const Copy>(copies_) : std::span<const Copy>();
-  }
+  // Of a mesh over the points.
+  void keep_seams(std::vector<Copy> seams) { seams_ = std::move(seams); }
+  // What was found or kept before; nothing is cached after a change.
+  void set_aside(Aside which);
+  Aside aside() const { return aside_; }
+  std::span<const Copy> copies_aside() const;
 
   Cached cached;
   // Measured once, of the cloud as loaded; null: not yet.
@@ -93,8 +97,8 @@ class LoadedCloud {
   TiledBackend* tiled_ = nullptr;     // the same, if it computes tiles of a cloud in host memory
   bool is_divided_ = false;           // whether several devices share what lies on the first
   bool is_on_cpu_ = false;            // whether it was moved there
-  bool are_copies_aside_ = false;
-  std::vector<Copy> copies_;
+  Aside aside_ = Aside::nothing;
+  std::vector<Copy> copies_, seams_;
   MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into

@@ -39,7 +39,7 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
   if (cloud.noise) wanted.noise = false;
   if (!wanted.spacing && !wanted.noise) return;
   sample();
-  set_copies_aside(with_noise && has_copies());
+  set_aside(with_noise && has_copies() ? Aside::copies : Aside::nothing);
   wanted.seeks_copies = with_noise && !cloud.copies;
   Estimate found;
   const auto look = [&](Sampling& sampling) { found = estimate(sampling, seen_sample(), wanted, stop); };
@@ -52,7 +52,7 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
       cloud.find_copies({found.copies.within, frame().corner}, found.copies.points);
       log_.note("estimate", milliseconds_since(start));
       cloud.copies = found.copies;
-      set_copies_aside(true);
+      set_aside(Aside::copies);
       wanted.spacing = with_spacing;
       look_at_neighbors(order, stop, look);
     }
@@ -72,13 +72,12 @@ std::optional<Spacing>& Pipeline::State::spacing(bool with_noise) {
 }
 
 const CloudSample& Pipeline::State::seen_sample() {
-  return cloud.are_copies_aside() ? *cloud.sample_without_copies : sample();
+  return cloud.aside() == Aside::copies ? *cloud.sample_without_copies : sample();
 }
 
-void Pipeline::State::set_copies_aside(bool aside) {
-  if (aside == cloud.are_copies_aside()) return;
-  beam_samples_.reset();
-  cloud.set_copies_aside(aside);
+void Pipeline::State::set_aside(Aside which) {
+  if (which != cloud.aside()) beam_samples_.reset();
+  cloud.set_aside(which);
 }
 
 // Needs the index of the first iteration, and builds it if there is none.
@@ -177,8 +176,8 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   if (needed.estimates.spacing) found.spacing = *spacing(needed.estimates.noise);
   if (needed.estimates.noise)
     found = {found.spacing, noise(), levels(), cloud.reach_levels, seeks_sensor_ ? cloud.sensor : KnownSensor{}};
-  // along a mesh a place is a vertex, which counts once as it is
-  set_copies_aside(needed.estimates.noise && has_copies() && params.connectivity != Connectivity::mesh);
+  if (params.connectivity != Connectivity::mesh)
+    set_aside(needed.estimates.noise && has_copies() ? Aside::copies : Aside::nothing);
   return pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
 }
 

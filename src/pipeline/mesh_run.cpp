@@ -18,6 +18,15 @@ namespace {
 
 constexpr double kLeastDeviation = 1e-6;  // of the heights, in radii; a plane without noise has none
 
+// The points of each vertex but the first.
+std::vector<Copy> seams_of(const MeshEdges& edges, std::span<const Point> points) {
+  std::vector<Copy> seams;
+  for (std::uint32_t i = 0; i < points.size(); ++i)
+    if (const std::uint32_t v = edges.vertex[i]; v != kNoVertex && edges.first[v] != i)
+      seams.push_back({i, edges.first[v], points[i]});
+  return seams;
+}
+
 }  // namespace
 
 void Pipeline::State::set_faces(Polygons faces) {
@@ -38,8 +47,17 @@ const LoadedMesh& Pipeline::State::mesh() {
   cloud.backend().download_input(points);
   const auto start = Clock::now();
   mesh_ = std::make_shared<const LoadedMesh>(points, faces, cloud.backend().sampling().on_host());
+  cloud.keep_seams(seams_of(mesh_->topology.edges, points));
   log_.note("faces", milliseconds_since(start));
   return *mesh_;
+}
+
+// With used.connectivity mesh: a vertex is one point to all stages. What finish_mesh() asks for is measured before, as
+// it may need other points set aside.
+void Pipeline::State::set_seams_aside(const Params& used) {
+  if (used.tangential.value_or(0) > 0) sigma_of(used);
+  mesh();
+  set_aside(Aside::seams);
 }
 
 // With used.connectivity mesh.

@@ -129,6 +129,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
     throw Error(ErrorKind::usage, "mesh connectivity gives its result in host memory: give an output there");
   last_order_ = order_for(asked);
   followed = resolved.followed;
+  if (used.connectivity == Connectivity::mesh) set_seams_aside(used);
   Settings settings = settings_of(resolved, known_sensor(used, stop));
   if (used.connectivity == Connectivity::mesh) follow_mesh(used, settings);
   const int last = used.iterations - 1;
@@ -146,13 +147,13 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
 
   unfinished_ = false;
   outliers = std::move(marks);
-  shown_ = {last, wanted, cloud.are_copies_aside()};
+  shown_ = {last, wanted, cloud.aside()};
   report = {device_of_cloud(),
             cloud.points(),
             used,
             counts.unmoved,
             counts.short_neighborhoods,
-            counts.copies,
+            cloud.aside() == Aside::copies ? counts.copies : 0,
             log_.stages(),
             mesh_found,
             backend.solver_report(last),
@@ -212,12 +213,12 @@ void Pipeline::State::drop_times_of_failed_run() {
   if (std::exchange(unfinished_, false)) log_.collect(cloud.backend());
 }
 
-// The iteration whose normals can be told. Estimates since then may have needed the cloud without its copies.
+// The iteration whose normals can be told. Estimates since then may have needed other points set aside.
 int Pipeline::State::shown(std::size_t room, const std::stop_token& stop) {
   if (!shown_ || room != cloud.points())
     throw Error(ErrorKind::usage, "normals: run first, and give an array of as many points as were loaded");
-  if (shown_->without_copies != cloud.are_copies_aside()) {
-    set_copies_aside(shown_->without_copies);
+  if (shown_->aside != cloud.aside()) {
+    set_aside(shown_->aside);
     execute(plan(cloud.cached, shown_->wanted), 1, stop, {});
   }
   return shown_->iteration;

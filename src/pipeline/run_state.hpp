@@ -116,7 +116,7 @@ struct Pipeline::State {
   const CloudSample& sample();
   const CloudSample& seen_sample();  // of what stages see
   bool has_copies() const { return cloud.copies && cloud.copies->within >= 0; }
-  void set_copies_aside(bool aside);
+  void set_aside(Aside which);
   std::optional<Spacing>& spacing(bool with_noise);
   const Frame& frame();
   const LoadedMesh& mesh();
@@ -125,6 +125,7 @@ struct Pipeline::State {
   MeshReport finish_mesh(const Params& used, std::span<Point> out);
   double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
   Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
+  void set_seams_aside(const Params& used);
   void follow_mesh(const Params& used, Settings& settings);
   KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;
@@ -161,7 +162,7 @@ struct Pipeline::State {
   struct Shown {
     int iteration;
     Wanted wanted;
-    bool without_copies;
+    Aside aside;
   };
   std::optional<Shown> shown_;
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like

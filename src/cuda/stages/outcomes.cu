@@ -60,9 +60,10 @@ __global__ void __launch_bounds__(kBlock)
       its_mean = point::is_exact_mean(
           valid > point::kAreaNeighbors ? query.mean_distance[at] : __int_as_float(0x7f800000), gap);
     const point::Radii& radii = surroundings.radii;
-    exact = surroundings.lists.k > 0
-                ? exact_list(tree, surroundings.lists, query.rule, at, gap)
-                : exact_radius(radii, radii.min_neighbors == 0 || valid > Index(radii.min_neighbors), at, gap);
+    if (!query.along_mesh)
+      exact = surroundings.lists.k > 0
+                  ? exact_list(tree, surroundings.lists, query.rule, at, gap)
+                  : exact_radius(radii, radii.min_neighbors == 0 || valid > Index(radii.min_neighbors), at, gap);
     const Vec normal = normals.at(at);
     const bool has_normal = normal.x != 0 || normal.y != 0 || normal.z != 0;
     end = has_normal ? end_of(gap, exact.squared_reach) : kSurveyed;
@@ -129,7 +130,7 @@ void find_outcomes(Context& context, const Tree& tree, Surroundings surroundings
   check(cudaMemcpyAsync(normal, neighborhood, places * sizeof(float), cudaMemcpyDeviceToDevice, stream),
         "finding outcomes");
   Surroundings of_step = surroundings;
-  if (surroundings.radii.squared_growth != nullptr) of_step.collected = {};
+  if (surroundings.radii.squared_growth != nullptr && !query.along_mesh) of_step.collected = {};
   surroundings.radii.squared_growth = nullptr;
   for (int round = 0; round < query.filter_rounds; ++round) {
     survey_all(surroundings, normal, least);

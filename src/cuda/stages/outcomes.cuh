@@ -14,6 +14,7 @@ struct OutcomeQuery {
   int filter_rounds;
   bool reads_normals;        // of neighbours
   bool reads_displacements;  // of neighbours
+  bool along_mesh;           // of which all is loaded
 };
 
 // As Backend::outcomes, `out` on the card. The step reads the radii as `surroundings` has them, all else without
