@@ -89,6 +89,12 @@ TEST(Gltf, NodesTurnStretchAndShift) {
   EXPECT_EQ(triangles(cloud)[3], (std::array<std::uint32_t, 3>{4, 6, 7}));
 }
 
+TEST(Gltf, MirroredMeshesKeepTheirOutside) {
+  const Cloud cloud = parse(glb(document(R"([{"mesh":0,"scale":[-1,2,1]}])", kPrimitive)), "a.glb");
+  EXPECT_EQ(triangles(cloud), (std::vector<std::array<std::uint32_t, 3>>{{1, 0, 2}, {2, 0, 3}}));
+  EXPECT_EQ(values<float>(cloud, "nz"), (std::vector<float>{1, 1, 1, 1}));
+}
+
 TEST(Gltf, PrimitivesShareTheirPointsAndMayBeStripsAndFans) {
   const std::string node = R"([{"mesh":0}])", attributes = R"("attributes":{"POSITION":0})";
   const Cloud shared =

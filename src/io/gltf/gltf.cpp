@@ -42,17 +42,27 @@ struct Transform {
                             rows[r][2] * inner.rows[2][c] + (c == 3 ? rows[r][3] : 0);
     return result;
   }
-  // Normals stay upright on surfaces that are stretched: by the cofactors.
+  // Whether it mirrors, by the determinant: then faces run the other way round.
+  bool mirrors() const {
+    const Position first = cofactors(0);
+    return rows[0][0] * first[0] + rows[0][1] * first[1] + rows[0][2] * first[2] < 0;
+  }
+  // Normals stay upright on surfaces that are stretched, and outside on those that are mirrored: by the cofactors.
   Position normal(const Position& n) const {
     Position result;
     for (std::size_t r = 0; r < 3; ++r) {
-      const auto &a = rows[(r + 1) % 3], &b = rows[(r + 2) % 3];
-      result[r] =
-          n[0] * (a[1] * b[2] - a[2] * b[1]) + n[1] * (a[2] * b[0] - a[0] * b[2]) + n[2] * (a[0] * b[1] - a[1] * b[0]);
+      const Position its = cofactors(r);
+      result[r] = n[0] * its[0] + n[1] * its[1] + n[2] * its[2];
     }
     const double length = std::sqrt(result[0] * result[0] + result[1] * result[1] + result[2] * result[2]);
-    for (double& value : result) value = length > 0 ? value / length : 0;
+    for (double& value : result) value = length > 0 ? (mirrors() ? -value : value) / length : 0;
     return result;
+  }
+
+ private:
+  Position cofactors(std::size_t row) const {
+    const auto &a = rows[(row + 1) % 3], &b = rows[(row + 2) % 3];
+    return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
   }
 };
 
@@ -154,7 +164,7 @@ class Scene {
       if (positions.components != 3) throw std::out_of_range("POSITION");
       if (is_new) add_points(attributes, positions, transform);
       const bool is_textured = attributes.contains(kTextureCoordinates);
-      add_faces(primitive, place->second, positions.count);
+      add_faces(primitive, place->second, positions.count, transform.mirrors());
       table_.faces.materials.resize(table_.faces.ends.size(), is_textured ? material_of(primitive) : kNoMaterial);
     }
   }
@@ -215,7 +225,7 @@ class Scene {
       store_double(column.data.data() + at, column.type, false, full(column));
   }
 
-  void add_faces(const Json& primitive, std::size_t first, std::size_t points) {
+  void add_faces(const Json& primitive, std::size_t first, std::size_t points, bool mirrored) {
     constexpr unsigned kTriangles = 4, kStrip = 5, kFan = 6;
     const unsigned mode = primitive.value("mode", kTriangles);
     if (mode < kTriangles) return;  // points and lines
@@ -232,10 +242,11 @@ class Scene {
     };
     const std::size_t step = mode == kTriangles ? 3 : 1;
     for (std::size_t i = 0; i + 2 < count; i += step) {
-      const bool is_odd = mode == kStrip && i % 2 != 0;
+      const bool swaps = (mode == kStrip && i % 2 != 0) != mirrored;
+      const std::size_t start = mode == kFan ? 0 : i;
       Faces& faces = table_.faces;
-      faces.corners.push_back(corner(mode == kFan ? 0 : is_odd ? i + 1 : i));
-      faces.corners.push_back(corner(is_odd ? i : i + 1));
+      faces.corners.push_back(corner(swaps ? i + 1 : start));
+      faces.corners.push_back(corner(swaps ? start : i + 1));
       faces.corners.push_back(corner(i + 2));
       faces.ends.push_back(faces.corners.size());
     }
