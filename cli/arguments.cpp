@@ -142,6 +142,13 @@ CLI::Validator whole_number_from(std::uint64_t least) {
   return CLI::Validator(check, "");
 }
 
+CLI::Validator name_of_folder() {
+  const auto check = [](const std::string& text) {
+    return text.empty() ? std::string("an empty name is no folder; is a variable of the shell unset?") : std::string();
+  };
+  return CLI::Validator(check, "");
+}
+
 std::optional<tbb::global_control> limit_threads(unsigned threads) {
   if (threads == 0) return std::nullopt;
   return std::make_optional<tbb::global_control>(tbb::global_control::max_allowed_parallelism, threads);

@@ -56,6 +56,7 @@ void add_threads(CLI::App& command, unsigned& threads);
 /// Keeps this program's own loops to so many threads while it lives; 0: all cores.
 /// Refuses all but whole numbers from `least` on, of which CLI11 would read -1 as 2^64 - 1.
 CLI::Validator whole_number_from(std::uint64_t least);
+CLI::Validator name_of_folder();
 
 std::optional<tbb::global_control> limit_threads(unsigned threads);
 

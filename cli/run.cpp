@@ -178,7 +178,9 @@ Verb add_run(CLI::App& app) {
           "--memory", arguments->tiled.memory,
           "use no more than this, as 8G; a cloud that does not fit is computed in tiles on disk, with the same bits")
       ->type_name("SIZE");
-  command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
+  command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")
+      ->check(name_of_folder())
+      ->type_name("DIR");
   command.add_flag("--each", arguments->each,
                    "with --out-dir: every file is a cloud of its own; one that fails does not stop the others");
   command.add_flag("--skip-existing", arguments->skip_existing, "with --each: pass over files whose result is there")

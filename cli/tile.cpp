@@ -119,7 +119,9 @@ void add_plan(CLI::App& tile, const Shared& arguments) {
                   "clouds to read, folders of such, or VPCs; all inputs together are one cloud")
       ->required();
   part.add_option("--out", arguments->output, "cloud to write, if there is one input")->type_name("OUT");
-  part.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")->type_name("DIR");
+  part.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")
+      ->check(name_of_folder())
+      ->type_name("DIR");
   part.add_option("--work", arguments->tiled.work, "the work folder")->type_name("DIR")->required();
   part.add_option("--memory", arguments->tiled.memory,
                   "memory that a task may use, as 8G; default: half of the free memory")

@@ -60,13 +60,15 @@ std::vector<fs::path> WorkFolder::files_before_recut() const {
 fs::path WorkFolder::begun_mark(std::size_t output) const { return path / numbered("begun", output); }
 fs::path WorkFolder::end_mark(const WorkStep& step) const { return path / ("done-" + step.name()); }
 
+// An output that was deleted since is written again.
 bool WorkFolder::is_done(const WorkStep& step, std::size_t task) const {
-  return is_stored(file_of(step, task)) || is_stored(end_mark(step));
+  const bool is_there = step.kind != WorkStep::Kind::emit || fs::exists(plan.files[task].output);
+  return is_there && (is_stored(file_of(step, task)) || is_stored(end_mark(step)));
 }
 std::size_t WorkFolder::count_done(const WorkStep& step) const {
-  if (is_stored(end_mark(step))) return tasks_of(step);
+  if (step.kind != WorkStep::Kind::emit && is_stored(end_mark(step))) return tasks_of(step);
   std::size_t done = 0;
-  for (std::size_t task = 0; task < tasks_of(step); ++task) done += is_stored(file_of(step, task));
+  for (std::size_t task = 0; task < tasks_of(step); ++task) done += is_done(step, task);
   return done;
 }
 

@@ -35,6 +35,12 @@ class Misunderstood(Case):
         for flag in ("-o", "--output"):
             self.refused("run", self.cloud, flag, self.out, says="the output stands behind the input: pointfair run IN OUT")
 
+    def test_an_empty_folder_is_none(self):
+        other = write_ply(self.path("other.ply"), sphere_points(100, 0.02))
+        before = other.read_bytes()
+        self.refused("run", self.cloud, other, "--out-dir", "", "--force", says=("--out-dir", "no folder"))
+        self.assertEqual(other.read_bytes(), before)
+
     def test_a_flag_without_its_value(self):
         self.assertEqual(self.of_run("--noise", says=[]), "--noise needs a value, LENGTH|auto; see pointfair run --help\n")
 

@@ -213,6 +213,15 @@ class Tasks(Case):
         self.fails(2, "tile", "run", self.path("work"), "--task", "ingest:9", says="no task")
         self.fails(2, "tile", "merge", self.path("work"), says="not finished")
 
+    def test_an_output_that_was_deleted_is_written_again(self):
+        source = write_binary(self.path("in.ply"), sphere_points(3000, 0.01))
+        words = ("run", source, self.path("out.ply"), "--work", self.path("work"), "--tiles", 3, "-q")
+        self.ok(*words)
+        first = self.path("out.ply").read_bytes()
+        self.path("out.ply").unlink()
+        self.ok(*words)
+        self.assertEqual(self.path("out.ply").read_bytes(), first)
+
     def test_workers_at_the_same_folder_do_no_harm(self):
         self.plan()
         for step in self.steps():
