@@ -7,6 +7,7 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
+#include <span>
 
 namespace pointfair::cli {
 namespace {
@@ -43,13 +44,21 @@ void compare_attributes(const Cloud& before, const Cloud& after, Comparison& res
     if (find(its, info.name) == its.end()) result.added.push_back(info.name);
 }
 
+std::span<const std::uint32_t> corners_of(const Polygons& faces, std::size_t face) {
+  const std::uint64_t begin = face == 0 ? 0 : faces.ends[face - 1];
+  return std::span(faces.corners)
+      .subspan(static_cast<std::size_t>(begin), static_cast<std::size_t>(faces.ends[face] - begin));
+}
+
 void compare_faces(const Cloud& before, const Cloud& after, Comparison& result) {
-  const auto faces = triangles(before), others = triangles(after);
-  if (faces.empty()) return;
-  if (others.empty()) return result.lost.push_back("faces");
-  std::uint64_t differ = faces.size() != others.size() ? std::max(faces.size(), others.size()) : 0;
-  for (std::size_t i = 0; differ == 0 && i < faces.size(); ++i) differ += faces[i] != others[i];
-  result.rows.push_back({"faces", differ});
+  const Polygons faces = polygons(before), others = polygons(after);
+  if (faces.size() == 0 && others.size() == 0) return;
+  if (others.size() == 0) return result.lost.push_back("faces");
+  if (faces.size() == 0) return result.added.push_back("faces");
+  const std::size_t both = std::min(faces.size(), others.size());
+  std::uint64_t differ = std::max(faces.size(), others.size()) - both;
+  for (std::size_t i = 0; i < both; ++i) differ += !std::ranges::equal(corners_of(faces, i), corners_of(others, i));
+  result.faces_that_differ = differ;
 }
 
 void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,7 +13,7 @@
 namespace pointfair::cli {
 
 struct Comparison {
-  /// What both have: how many points (or faces) of it differ.
+  /// An attribute that both have: at how many points it differs.
   struct Row {
     std::string what;
     std::uint64_t differ = 0;
@@ -20,8 +21,9 @@ struct Comparison {
   std::vector<float> moved;  ///< how far each point moved, in file units; NaN where a position is not finite
   std::uint64_t kept = 0;    ///< points at their old place
   Statistics displacement;   ///< of the finite points
-  std::vector<Row> rows;     ///< attributes and faces
-  std::vector<std::string> lost, added;  ///< attributes that one of the clouds has
+  std::vector<Row> rows;
+  std::optional<std::uint64_t> faces_that_differ;  ///< in their corners; nothing unless both have faces
+  std::vector<std::string> lost, added;            ///< attributes, and faces, that one of the clouds has
 };
 
 /// `names` are those of the files, for errors. Throws ErrorKind::file if the numbers of points differ: then points

@@ -303,16 +303,21 @@ class PageMaker {
                                removed == 0 ? "as many as before" : counted(removed) + " removed as outliers")});
     for (const Comparison::Row& row : copy_.rows)
       rows.push_back({row.what, row.differ == 0 ? "the same, byte for byte" : counted(row.differ) + " differ"});
+    if (const auto differ = copy_.faces_that_differ)
+      rows.push_back({"corners of the faces", *differ == 0 ? "the same" : counted(*differ) + " faces differ"});
     for (const std::string& name : copy_.lost) rows.push_back({name, "not there"});
     for (const std::string& name : copy_.added) rows.push_back({name, "new"});
-    return grid_of("Compared after the result was written", rows);
+    return grid_of("Compared after the result was written", rows) +
+           "<p>Nothing else was compared: a file may also hold texture coordinates of corners, materials, parts, "
+           "values "
+           "of faces or comments.</p>\n";
   }
 
   std::string files_section(const std::string& input_sum, const std::string& output_sum) const {
     return file_table("Input", job_.input, before_, input_sum) + file_table("Result", job_.output, after_, output_sum) +
-           "<p>The same input, version and parameters give the same bits on any machine, any number of threads, and "
-           "any "
-           "device. Whoever repeats the command gets a result with this checksum.</p>\n";
+           (job_.run ? "<p>The same input, version and parameters give the same bits on any machine, any number of "
+                       "threads, and any device. Whoever repeats the command gets a result with this checksum.</p>\n"
+                     : "");
   }
 
   std::string file_table(std::string_view caption, const fs::path& path, const Cloud& cloud,

@@ -182,6 +182,25 @@ class Pages(Case):
         write_ply(self.path("short.ply"), points[1:])
         self.fails(3, "certify", self.scan, self.path("short.ply"), "--report", self.path("s.html"), says=["4000", "3999"])
 
+    def test_certify_says_what_of_faces_it_compared(self):
+        points, faces = [(i % 20, i // 20, 0.01 * (i % 7)) for i in range(400)], [(i, i + 1, i + 20) for i in range(379)]
+        write_ply(self.scan, points, faces)
+
+        def page_on(others):
+            write_ply(self.out, points, others)
+            self.ok("certify", self.scan, self.out, "--report", self.html, "-q", "--force")
+            return Page(self.html)
+        page = page_on(faces)
+        self.assertEqual(page.rows["corners of the faces"], [["the same"]])
+        self.assertNotIn("faces", page.rows)
+        self.assertIn("Nothing else was compared", page.text)
+        self.assertNotIn("Whoever repeats the command", page.text)
+        self.assertEqual(page_on([face[::-1] for face in faces]).rows["corners of the faces"], [["379 faces differ"]])
+        self.assertEqual(page_on(faces[:-9]).rows["corners of the faces"], [["9 faces differ"]])
+        self.assertEqual(page_on(()).rows["faces"], [["not there"]])
+        self.ok("run", self.scan, self.out, "--report", self.html, "-q", "--force")
+        self.assertIn("Whoever repeats the command", Page(self.html).text)
+
     def test_certify_warns_of_what_two_files_show(self):
         self.ok("run", self.scan, self.out, "-q")
         self.ok("certify", self.scan, self.out, "-q")
