@@ -181,8 +181,10 @@ Verb add_run(CLI::App& app) {
   command.add_option("--out-dir", arguments->tiled.out_dir, "write each input there under its name")
       ->check(name_of_folder())
       ->type_name("DIR");
-  command.add_flag("--each", arguments->each,
-                   "with --out-dir: every file is a cloud of its own; one that fails does not stop the others");
+  command.add_flag(
+      "--each", arguments->each,
+      "with --out-dir: every file is a cloud of its own; one that fails does not stop the others. --format gives "
+      "the results its extension");
   command.add_flag("--skip-existing", arguments->skip_existing, "with --each: pass over files whose result is there")
       ->group(kMoreGroup);
   command

@@ -5,11 +5,12 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
 #include <new>
-#include <set>
 
 #include "each_rows.hpp"
 #include "output.hpp"
+#include "pointfair/pointfair.hpp"
 #include "survey.hpp"
 
 namespace pointfair::cli {
@@ -24,16 +25,27 @@ std::vector<fs::path> inputs_of(const RunArguments& arguments) {
   return files_of_survey(inputs);
 }
 
+// The input's name, with the extension of the format that is asked for. What is no known extension is part of a name.
+fs::path name_of_result(const fs::path& input, const FormatArguments& asked) {
+  const std::optional<Format> format = make_write_options(asked, {}).format;
+  const fs::path plain = TiledRun::output_name(input);  // of an octree, NAME.laz
+  const bool is_octree = plain != input.filename();
+  const std::optional<Format> own = is_octree ? Format::copc : format_of(plain);
+  if (!format || own == format) return input.filename();
+  fs::path name = own ? plain.stem() : plain;
+  return name += *format == Format::copc ? ".copc.laz" : "." + asked.format;
+}
+
 std::vector<Row> planned(const RunArguments& arguments) {
   std::vector<Row> rows;
-  std::set<fs::path> names;
+  std::map<fs::path, fs::path> inputs;  // by their results
   for (const fs::path& input : inputs_of(arguments)) {
-    const fs::path output = fs::path(arguments.tiled.out_dir) / input.filename();
-    if (!names.insert(output).second)
+    const fs::path output = fs::path(arguments.tiled.out_dir) / name_of_result(input, arguments.format);
+    if (const auto [other, is_new] = inputs.try_emplace(output, input); !is_new)
       throw Error(ErrorKind::usage,
-                  fmt::format("{}: another input has the same name, so that both results would be {}; "
-                              "give folders of them one after the other",
-                              input.string(), output.string()));
+                  fmt::format("{}: its result would have the same name as that of {}, {}; run them one after the "
+                              "other, into two folders",
+                              input.string(), other->second.string(), output.string()));
     rows.push_back({input, output});
   }
   return rows;

@@ -131,6 +131,29 @@ class Each(Case):
         self.assertTrue(any(line["stage"].startswith("3/3 ") for line in lines))
         self.assertGreater(shares[-1], 0.6)
 
+    def test_results_in_another_format_have_its_extension(self):
+        self.each("--format", "obj", "-q")
+        self.assertEqual(sorted(path.name for path in self.out.iterdir()), ["a.obj", "b.obj", "c.obj"])
+        self.assertTrue((self.out / "a.obj").read_text().startswith("v "))
+        (self.stations / "b.ply").rename(self.stations / "b.2.day")  # no extension of a format
+        self.ok("run", self.stations / "b.2.day", "--out-dir", self.path("day"), "--each", "--format", "pcd", "-q")
+        self.assertEqual([path.name for path in self.path("day").iterdir()], ["b.2.day.pcd"])
+        self.ok("run", self.stations / "a.ply", self.stations / "a.obj", "--strength", 0, "-q")
+        self.out = self.path("none")
+        said = self.each("--format", "pcd", code=2)
+        self.assert_one_line(said)
+        for part in ("a.obj", "a.ply", "a.pcd", "same name"):
+            self.assertIn(part, said)
+        self.assertFalse(self.out.exists())
+
+    def test_octrees_in_another_format_have_its_extension(self):
+        self.each("--format", "copc", "-q")
+        self.assertEqual(sorted(path.name for path in self.out.iterdir()), ["a.copc.laz", "b.copc.laz", "c.copc.laz"])
+        for name in ("copc", "laz"):
+            self.ok("run", self.out, "--out-dir", self.path(name), "--each", "--format", name, "--strength", 0, "-q")
+        self.assertEqual(sorted(path.name for path in self.path("copc").iterdir()), ["a.copc.laz", "b.copc.laz", "c.copc.laz"])
+        self.assertEqual(sorted(path.name for path in self.path("laz").iterdir()), ["a.laz", "b.laz", "c.laz"])
+
     def test_wrong_command_lines(self):
         scan = self.stations / "a.ply"
         self.fails(2, "run", scan, self.path("o.ply"), "--each", says="--out-dir")
