@@ -69,6 +69,13 @@ void check_each(const RunArguments& arguments) {
                 "--each runs every file on its own; leave out --work and --tiles, or leave out --each");
 }
 
+// At the end all errors stand together, so each says which file it is about.
+std::string naming(const Row& row, const std::string& error) {
+  for (const fs::path& path : {row.input, row.output})
+    if (error.find(path.string()) != std::string::npos) return error;
+  return row.input.string() + ": " + error;
+}
+
 // Runs one; what goes wrong is written down.
 void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& progress, Row& row) {
   std::error_code failed;
@@ -90,7 +97,7 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
     row.status = "done";
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::interrupted) throw;
-    row.error = error.what();
+    row.error = naming(row, error.what());
     row.kind = error.kind();
   } catch (const std::bad_alloc&) {
     row.error = row.input.string() + ": out of memory; close other programs or give --memory";

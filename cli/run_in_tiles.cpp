@@ -25,8 +25,9 @@ std::string flag_for_memory(const RunArguments& arguments) {
   return {};
 }
 
-[[noreturn]] void refuse(const std::string& flag) {
+[[noreturn]] void refuse(const std::string& flag, bool into_folder) {
   std::string text = flag + " cannot be used with a run in tiles on disk (--memory, --work, --out-dir)";
+  if (into_folder) text += "; files of --out-dir are one cloud in tiles, and --each treats every file on its own";
   if (flag.starts_with("--report"))
     text = flag + ": a run in tiles on disk writes JSON; make the page afterwards with pointfair certify IN OUT";
   throw Error(ErrorKind::usage, text);
@@ -102,7 +103,7 @@ TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Dev
   const std::string flag = flag_for_memory(arguments);
   if (!choice.in_tiles || flag.empty()) return choice;
   const bool is_asked = choice.points == 0 || job.memory != 0;
-  if (is_asked) refuse(flag);
+  if (is_asked) refuse(flag, !job.output_folder.empty());
   return {};
 }
 

@@ -46,6 +46,7 @@ TEST(Choice, says_which_parameters_need_the_whole_cloud) {
   for (const auto& [params, flag] : {std::pair(mesh, "--connectivity mesh"), std::pair(implicit, "--method implicit"),
                                      std::pair(learned, "--method learned")})
     EXPECT_TRUE(why_not_in_parts(params).starts_with(flag)) << why_not_in_parts(params);
+  EXPECT_EQ(why_not_in_parts(mesh, true).find("the memory"), std::string::npos);
   EXPECT_EQ(why_not_in_parts({}), "");
 }
 

@@ -312,7 +312,7 @@ bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source) 
 
 void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   check_job(job);
-  refuse_if(why_not_in_parts(job.params));
+  refuse_if(why_not_in_parts(job.params, !job.output_folder.empty()));
   Plan plan;
   plan.write = job.write;
   plan.limits = job.limits;

@@ -29,16 +29,22 @@ bool needs_tiles(std::uint64_t points, const Params& params, Device::Kind device
   return bytes_in_memory(points, params, device) > memory.usable();
 }
 
-std::string why_not_in_parts(const Params& params) {
+std::string why_not_in_parts(const Params& params, bool into_folder) {
+  const auto why = [&](const std::string& flag, const std::string& reason, const std::string& advice) {
+    return flag + " cannot be used with a run in tiles on disk" + reason + "; " +
+           (into_folder
+                ? "files of --out-dir are one cloud in tiles, and pointfair run --each treats every file on its own"
+                : advice);
+  };
   if (params.connectivity == Connectivity::mesh)
-    return "--connectivity mesh cannot be used with a run in tiles on disk, which reads no faces; give it the memory "
-           "for the whole mesh, or leave it out";
+    return why("--connectivity mesh", ", which reads no faces",
+               "give it the memory for the whole mesh, or leave it out");
   if (params.method == Method::implicit)
-    return "--method implicit cannot be used with a run in tiles on disk: one system of equations holds all points; "
-           "give it the memory for the whole cloud, or use another method";
+    return why("--method implicit", ": one system of equations holds all points",
+               "give it the memory for the whole cloud, or use another method");
   if (params.method == Method::learned)
-    return "--method learned cannot be used with a run in tiles on disk: a point's result depends on points at any "
-           "distance; give it the memory for the whole cloud, 760 bytes a point, or use another method";
+    return why("--method learned", ": a point's result depends on points at any distance",
+               "give it the memory for the whole cloud, 760 bytes a point, or use another method");
   return {};
 }
 

@@ -35,7 +35,8 @@ std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params, Device
 /// Tiles on disk where the whole cloud takes more than is usable.
 bool needs_tiles(std::uint64_t points, const Params& params, Device::Kind device, const HostMemory& memory);
 /// Why these parameters need the whole cloud around one origin, in a sentence for the user; empty if they do not.
-std::string why_not_in_parts(const Params& params);
+/// `into_folder`: the files are one cloud, in tiles whatever the memory is, so that each on its own is the way on.
+std::string why_not_in_parts(const Params& params, bool into_folder = false);
 
 /// How many points a task on disk may hold, each with everything that it needs for it.
 std::uint64_t points_in_memory(std::uint64_t memory, std::uint64_t bytes_per_point);

@@ -154,6 +154,20 @@ class Each(Case):
         self.assertEqual(sorted(path.name for path in self.path("copc").iterdir()), ["a.copc.laz", "b.copc.laz", "c.copc.laz"])
         self.assertEqual(sorted(path.name for path in self.path("laz").iterdir()), ["a.laz", "b.laz", "c.laz"])
 
+    def test_every_error_names_its_file(self):
+        said = self.each("--connectivity", "mesh", "-q", "--report", self.path("rows.json"), code=2).splitlines()
+        for name, line in zip(("a.ply", "b.ply", "c.ply"), said):
+            self.assertEqual(line.count(str(self.stations / name)), 1, line)
+            self.assertIn("needs faces", line)
+        self.assertIn("a.ply", json.loads(self.path("rows.json").read_text())["files"][0]["error"])
+
+    def test_what_one_cloud_of_several_files_cannot_do_leads_here(self):
+        for words in (["--connectivity", "mesh"], ["--normals", "write"]):
+            result = run("run", self.stations, "--out-dir", self.out, *words)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn("--each treats every file on its own", result.stderr.decode())
+            self.assertNotIn("give it the memory", result.stderr.decode())
+
     def test_wrong_command_lines(self):
         scan = self.stations / "a.ply"
         self.fails(2, "run", scan, self.path("o.ply"), "--each", says="--out-dir")
