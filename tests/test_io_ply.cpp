@@ -196,4 +196,61 @@ RC_GTEST_PROP(FilesPly, MovedPointsAndAddedAttributesSurviveInRandomSchemas, ())
   RC_ASSERT(image(cloud, Format::ply) == encode(elements, encoding));
 }
 
+TEST(PlyFiles, WhatIsLeftOfOneThatLosesPointsNamesTheSame) {
+  const auto text = [](const std::string& points, const std::string& faces, const std::string& edges,
+                       const std::string& rows) {
+    return "ply\nformat ascii 1.0\ncomment TextureFile a.png\nobj_info by hand\nelement camera 1\nproperty int id\n"
+           "element vertex " +
+           points +
+           "\nproperty float x\nproperty float y\nproperty float z\nproperty uint64 t\n"
+           "property list uchar int views\nelement face " +
+           faces +
+           "\nproperty list uchar int vertex_indices\n"
+           "property list uchar float texcoord\nproperty int texnumber\nelement edge " +
+           edges + "\nproperty int vertex1\nproperty int vertex2\nproperty uchar red\nend_header\n7\n" + rows;
+  };
+  const std::string all = text("5", "3", "2",
+                               "0 0 0 9007199254740993 1 8\n1 0 0 2 0\n0 1 0 3 2 8 9\n1 1 0 4 0\n2 2 0 5 0\n"
+                               "3 0 1 2 6 0 0 1 0 0 1 0\n4 4 3 2 0 0 5\n3 0 2 3 0 1\n0 1 9\n4 2 8\n");
+  const std::string left = text("4", "2", "1",
+                                "0 0 0 9007199254740993 1 8\n0 1.5 0 3 2 8 9\n1 1 0 4 0\n2 2 0 5 0\n"
+                                "4 3 2 1 0 0 5\n3 0 1 2 0 1\n3 1 8\n");
+  for (const Encoding encoding : {Encoding::ascii, Encoding::binary, Encoding::binary_big_endian}) {
+    Cloud cloud = parse(image(parse(all), Format::ply, encoding));
+    cloud.points[2].y = 1.5F;
+    const Cloud less = without_points(cloud, std::vector<std::uint8_t>{0, 1, 0, 0, 0});
+    EXPECT_TRUE(losses(less).empty());
+    EXPECT_EQ(image(less, Format::ply, Encoding::ascii), left);
+    EXPECT_EQ(image(parse(image(less, Format::ply, encoding)), Format::ply, Encoding::ascii), left);
+  }
+}
+
+TEST(PlyFiles, WhatMayNamePointsInOtherWaysIsWrittenAnew) {
+  const std::string head =
+                        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+                        "property float z\n",
+                    rows = "end_header\n1 2 3\n4 5 6\n7 8 9\n";
+  for (const std::string element :
+       {"tristrips 1\nproperty list int int vertex_indices\n", "hair 1\nproperty int vertex\n"}) {
+    const std::string values = element.find("list") != element.npos ? "3 0 1 2\n" : "2\n";
+    const Cloud less =
+        without_points(parse(head + "element " + element + rows + values), std::vector<std::uint8_t>{0, 1, 0});
+    EXPECT_EQ(image(less, Format::ply),
+              head.substr(0, head.find('3')) + "2" + head.substr(head.find('3') + 1) + "end_header\n1 2 3\n7 8 9\n");
+    ASSERT_EQ(losses(less).size(), 1U);
+    EXPECT_TRUE(losses(less)[0].starts_with("PLY files that are written anew do not keep 1 row of "))
+        << losses(less)[0];
+  }
+}
+
+TEST(PlyFiles, ADamagedFaceIsNamedWhenPointsAreLeftOut) {
+  const Cloud cloud = parse(
+      "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n"
+      "element face 1\nproperty list uchar int vertex_indices\nend_header\n1 2 3\n4 5 6\n3 0 1 2\n");
+  const std::string said = thrown_by([&] {
+                             image(without_points(cloud, std::vector<std::uint8_t>{0, 1}), Format::ply);
+                           }).message;
+  EXPECT_NE(said.find("'face' names a point that is not there"), std::string::npos) << said;
+}
+
 }  // namespace pointfair::test

@@ -112,8 +112,8 @@ POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::option
                                                  std::optional<Encoding> encoding = {});
 
 /// The cloud without the points of which `removed` is not 0, without the faces that use one of them, and with the other
-/// points, faces and attributes in their order. LAS and LAZ files keep all else around their points; a file of another
-/// format is written anew: losses() tells what it does not keep.
+/// points, faces and attributes in their order. LAS, LAZ, PCD, PLY and OBJ files keep all else around their points,
+/// unless something unknown may name points; any other file is written anew: losses() tells what it does not keep.
 /// Throws ErrorKind::usage unless there is one value for each point, and if no point is left. O(N).
 POINTFAIR_EXPORT Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed);
 

@@ -47,8 +47,8 @@ std::string attributes_told(const std::string& what) {
   return (is_one(what) ? "the attribute " : "the attributes ") + what;
 }
 
-// Of things of one kind, as one list.
-std::string sentence(ContentKind kind, const std::string& what, const std::string& format) {
+// Of things of one kind, as one list. `anew`: the file had that format, which therefore had a place for them.
+std::string sentence(ContentKind kind, const std::string& what, const std::string& format, bool anew) {
   switch (kind) {
     case ContentKind::fine_colors:
       return what + " have more than 8 bits, and are rounded to 8 in " + format + " files; CSV and LAS keep them";
@@ -68,7 +68,7 @@ std::string sentence(ContentKind kind, const std::string& what, const std::strin
       return attributes_told(what) + (is_one(what) ? " has" : " have") + " more digits than " + format +
              " files hold, so the last ones are rounded; PCD, CSV and LAS keep them";
     default:
-      return format + " files have no place for " + what;
+      return format + (anew ? " files that are written anew do not keep " : " files have no place for ") + what;
   }
 }
 
@@ -77,7 +77,7 @@ bool follows_numbers(ContentKind kind) {
   return kind == ContentKind::intensity || kind == ContentKind::names || kind == ContentKind::wide_integers;
 }
 
-std::vector<std::string> sentences(const std::vector<Content>& lost, Format format) {
+std::vector<std::string> sentences(const std::vector<Content>& lost, Format format, bool anew) {
   std::vector<std::string> result;
   const bool no_numbers = io::keeps(format, ContentKind::numbers) != Keeps::kept;
   for (auto content = lost.begin(); content != lost.end();) {
@@ -89,7 +89,7 @@ std::vector<std::string> sentences(const std::vector<Content>& lost, Format form
       what += (what.empty() ? "" : ", ") + one->what;
     if (end - content > kListed) what += " and " + std::to_string(end - content - kListed) + " more";
     if (!no_numbers || !follows_numbers(content->kind))
-      result.push_back(sentence(content->kind, what, io::row_of(format).name));
+      result.push_back(sentence(content->kind, what, io::row_of(format).name, anew));
     content = end;
   }
   return result;
@@ -128,11 +128,11 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   if (!cloud.source && !format) return {};
   const Format to = format ? *format : cloud.source->format();
   std::vector<std::string> result;
-  if (cloud.source && io::family(cloud.source->format()) == io::family(to))
-    result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
+  const bool is_own = cloud.source && io::family(cloud.source->format()) == io::family(to);
+  if (is_own) result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
   const bool copied = io::is_copied(cloud, to, encoding);
   const std::vector<Content> lost = copied ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
-  for (std::string& sentence : sentences(lost, to)) result.push_back(std::move(sentence));
+  for (std::string& sentence : sentences(lost, to, is_own && !copied)) result.push_back(std::move(sentence));
   if (to == Format::copc)
     result.push_back("COPC files keep their points in the order of an octree, so the order of the points changes");
   if (to == Format::stl && !copied)

@@ -8,6 +8,7 @@
 #include "io/ply_body.hpp"
 #include "io/ply_faces.hpp"
 #include "io/ply_header.hpp"
+#include "io/ply_rows.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
@@ -39,29 +40,6 @@ std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string&
       fail(name, "property '" + wanted + "' of the points is a list; a coordinate must be one number");
   }
   return xyz;
-}
-
-void transcode_value(PlyCursor& cursor, NativeType type, PlyEmitter& emitter) {
-  if (size_of(type) < 8 || !is_integer(type)) return emitter.put(cursor.next(type), type);
-  char value[8];
-  cursor.next_integer(type, value);
-  emitter.put_scalar(value, type);
-}
-
-// Copies `rows` rows of an element that is not the points from one encoding to another.
-void transcode_rows(PlyCursor& cursor, const PlyElement& element, std::uint64_t rows, PlyEmitter& emitter) {
-  for (; rows > 0; --rows) {
-    cursor.begin_row();
-    for (const PlyProperty& property : element.properties) {
-      std::uint64_t count = 1;
-      if (property.list_count) {
-        count = cursor.next_list_size(property);
-        emitter.put(static_cast<double>(count), *property.list_count);
-      }
-      for (; count > 0; --count) transcode_value(cursor, property.type, emitter);
-    }
-    emitter.end_row();
-  }
 }
 
 void put_added(const AddedAttributes& added, std::uint64_t point, PlyEmitter& emitter) {
@@ -123,14 +101,17 @@ class PlySource : public Base {
     return result;
   }
 
+  bool leaves_points_out() const override { return can_lose_points(file_); }
+
   void write(const Edits& edits, Encoding encoding, Output& out) const override {
-    if (encoding == this->encoding()) return Base::write(edits, encoding, out);
-    out.write(ply_header_text(file_.header, encoding, edits.added));
+    if (encoding == this->encoding() && edits.removed.empty()) return Base::write(edits, encoding, out);
+    const PlyRows rows(file_, this->bytes(), this->name(), edits.removed);
+    out.write(ply_header_with(rows.counts(), ply_header_text(file_.header, encoding, edits.added), file_.header));
     for (std::size_t e = 0; e < file_.header.elements.size(); ++e) {
       if (e == file_.header.vertex) {
         transcode_points(edits, encoding, out);
       } else {
-        transcode_element(e, encoding, out);
+        rows.write(e, encoding, out);
       }
     }
   }
@@ -153,17 +134,6 @@ class PlySource : public Base {
   }
 
  private:
-  void transcode_element(std::size_t e, Encoding encoding, Output& out) const {
-    constexpr std::uint64_t kRows = 65536;
-    PlyCursor cursor(this->bytes(), file_.begins[e], file_.header, file_.wrapped, this->name());
-    for (std::uint64_t left = file_.header.elements[e].count; left > 0; left -= std::min(left, kRows)) {
-      std::string buffer;
-      PlyEmitter emitter(buffer, encoding, file_.header.line_end);
-      transcode_rows(cursor, file_.header.elements[e], std::min(left, kRows), emitter);
-      out.write(buffer);
-    }
-  }
-
   void transcode_points(const Edits& edits, Encoding encoding, Output& out) const {
     write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
       const Moves moves = this->moves(block, edits);
@@ -172,9 +142,11 @@ class PlySource : public Base {
       PlyCursor cursor(this->bytes(), point_begin(first), file_.header, file_.wrapped, this->name());
       PlyEmitter emitter(buffer, encoding, file_.header.line_end);
       for (std::size_t i = 0; i < moves.values.size(); ++i) {
+        const std::size_t begin = buffer.size();
         transcode_point(cursor, first + i, moves.values[i], edits.replaced, emitter);
         put_added(edits.added, first + i, emitter);
         emitter.end_row();
+        if (!edits.removed.empty() && edits.removed[static_cast<std::size_t>(first) + i] != 0) buffer.resize(begin);
       }
     });
   }
@@ -194,7 +166,7 @@ class PlySource : public Base {
         const auto axis = static_cast<std::size_t>(std::find(xyz_.begin(), xyz_.end(), p) - xyz_.begin());
         const Replacement* const other = this->find_replacement(replaced, p);
         if (axis == 3 && !other) {
-          transcode_value(cursor, property.type, emitter);
+          copy_value(cursor, property.type, emitter);
           continue;
         }
         cursor.next(property.type);

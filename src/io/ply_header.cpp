@@ -175,6 +175,24 @@ std::string ply_header_text(const PlyHeader& header, Encoding encoding, const Ad
   return result;
 }
 
+std::string ply_header_with(const std::vector<std::uint64_t>& counts, std::string_view text, const PlyHeader& header) {
+  std::string result;
+  auto count = counts.begin();
+  for (std::string_view line; !text.empty();) {
+    const char* const from = text.data();
+    next_line(text, line, header.line_end);
+    const std::vector<std::string_view> words = words_of(line);
+    if (words.size() != 3 || words[0] != "element") {
+      result.append(from, text.data());
+      continue;
+    }
+    result.append(from, words[2].data());
+    result += std::to_string(*count++);
+    result.append(words[2].data() + words[2].size(), text.data());
+  }
+  return result;
+}
+
 std::size_t find_property(const PlyElement& element, std::string_view name) {
   const auto begin = element.properties.begin(), end = element.properties.end();
   auto found = std::find_if(begin, end, [&](const PlyProperty& p) { return p.name == name; });

@@ -49,6 +49,9 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
 /// The header's text for another encoding, with further properties of the points.
 std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added);
 
+/// The same text with other numbers of rows, one for each element.
+std::string ply_header_with(const std::vector<std::uint64_t>& counts, std::string_view text, const PlyHeader& header);
+
 /// Which property of an element is called so, in small letters or others; the number of properties if none is.
 std::size_t find_property(const PlyElement& element, std::string_view name);
 

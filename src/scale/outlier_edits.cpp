@@ -42,7 +42,8 @@ bool has_classes(const Source& source) {
 std::string why_no_outlier_action(const OutlierAction& action, const Source& source) {
   if (action.kind == Kind::remove && !source.leaves_points_out())
     return source.name() +
-           ": a run in tiles on disk leaves points out of LAS, LAZ, PCD and OBJ files only; use --outliers mark, or "
+           ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY and OBJ files only; use --outliers mark, "
+           "or "
            "--each to treat every file on its own";
   const std::string name = attribute_of(action);
   const auto column = find_column(source, name);

@@ -212,6 +212,30 @@ class Classes(Case):
         self.ok("run", self.path("in.obj"), self.path("cut.obj"), "--outliers", "remove", "--tiles", 3, "-q")
         self.assertEqual(self.path("cut.obj").read_bytes(), self.path("out.obj").read_bytes())
 
+    def test_ply_files_lose_points_and_their_faces_and_nothing_else(self):
+        faces = [(i, i + 1, i + 60) for i in range(3540) if i % 60 < 59]
+
+        def text(points, faces):
+            head = ["ply", "format ascii 1.0", "comment a scan", f"element vertex {len(points)}", *(f"property double {axis}" for axis in "xyz"),
+                    f"element face {len(faces)}", "property list uchar int vertex_indices", "property uchar flags", "end_header"]
+            return "\n".join(head + points + ["3 %d %d %d %d" % (*face, n % 200) for n, face in faces]) + "\n"
+        self.path("in.ply").write_text(text(["%.17g %.17g %.17g" % p for p in self.points], list(enumerate(faces))))
+        self.ok("run", self.path("in.ply"), self.path("kept.ply"), "-q", "--encoding", "binary")
+        kept = ["{x!r} {y!r} {z!r}".format(**p) for p in read_ply(self.path("kept.ply"))]
+        gone = set(self.low + self.high)
+        place = {i: number for number, i in enumerate(i for i in range(3600) if i not in gone)}
+        left = [(n, [place[i] for i in face]) for n, face in enumerate(faces) if not gone & set(face)]
+        said = self.ok("run", self.path("in.ply"), self.path("out.ply"), "--outliers", "remove", "--strict", "--encoding", "binary").stderr.decode()
+        self.assertIn("40 points are removed", said)
+        self.ok("run", self.path("out.ply"), self.path("text.ply"), "--strength", 0, "--encoding", "ascii", "-q")
+        wanted, found = (content.split("end_header\n") for content in
+                         (text([p for i, p in enumerate(kept) if i not in gone], left), self.path("text.ply").read_text()))
+        self.assertEqual(found[0], wanted[0])
+        self.assertEqual([[float(word) for word in line.split()] for line in found[1].splitlines()],
+                         [[float(word) for word in line.split()] for line in wanted[1].splitlines()])
+        self.ok("run", self.path("in.ply"), self.path("cut.ply"), "--outliers", "remove", "--encoding", "binary", "--tiles", 3, "-q")
+        self.assertEqual(self.path("cut.ply").read_bytes(), self.path("out.ply").read_bytes())
+
     def test_las_files_lose_points_and_nothing_else(self):
         self.ok("run", self.las, self.path("kept.las"), "-q")
         said = self.run_with("remove")
@@ -305,8 +329,9 @@ class Classes(Case):
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
-        write_ply(self.path("in.ply"), self.points)
-        self.fails(2, "run", self.path("in.ply"), self.path("o.ply"), "--outliers", "remove", "--tiles", "2", says=["in.ply", "LAS, LAZ, PCD and OBJ", "--outliers mark", "--each"])
+        self.path("in.xyz").write_text("".join("%r %r %r\n" % p for p in self.points))
+        self.fails(2, "run", self.path("in.xyz"), self.path("o.xyz"), "--outliers", "remove", "--tiles", "2",
+                   says=["in.xyz", "LAS, LAZ, PCD, PLY and OBJ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
 
