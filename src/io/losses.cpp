@@ -47,6 +47,14 @@ std::string attributes_told(const std::string& what) {
   return (is_one(what) ? "the attribute " : "the attributes ") + what;
 }
 
+// What a format has a place for, and yet not here.
+std::string sentence_on_kept(ContentKind kind, const std::string& what, const std::string& format) {
+  if (kind == ContentKind::normals)
+    return "a copy of an " + format + " file keeps its lines and takes no new normals; PLY and PCD take them";
+  return "the texture coordinates " + what + " of points are not written to " + format +
+         " files, which have them at corners of faces; PLY, PCD and CSV keep them";
+}
+
 // Of things of one kind, as one list. `anew`: the file had that format, which therefore had a place for them.
 std::string sentence(ContentKind kind, const std::string& what, const std::string& format, bool anew) {
   switch (kind) {
@@ -77,9 +85,13 @@ bool follows_numbers(ContentKind kind) {
   return kind == ContentKind::intensity || kind == ContentKind::names || kind == ContentKind::wide_integers;
 }
 
+// The same where all colours are lost.
+bool follows_colors(ContentKind kind) { return kind == ContentKind::fine_colors || kind == ContentKind::some_colors; }
+
 std::vector<std::string> sentences(const std::vector<Content>& lost, Format format, bool anew) {
   std::vector<std::string> result;
   const bool no_numbers = io::keeps(format, ContentKind::numbers) != Keeps::kept;
+  const bool no_colors = io::keeps(format, ContentKind::colors) != Keeps::kept;
   for (auto content = lost.begin(); content != lost.end();) {
     const auto end =
         std::find_if(content, lost.end(), [&](const Content& other) { return other.kind != content->kind; });
@@ -88,11 +100,24 @@ std::vector<std::string> sentences(const std::vector<Content>& lost, Format form
     for (auto one = content; one != content + std::min(kListed, end - content); ++one)
       what += (what.empty() ? "" : ", ") + one->what;
     if (end - content > kListed) what += " and " + std::to_string(end - content - kListed) + " more";
-    if (!no_numbers || !follows_numbers(content->kind))
+    const bool is_kept = io::keeps(format, content->kind) == Keeps::kept;
+    if (is_kept && (content->kind == ContentKind::normals || content->kind == ContentKind::texture_coordinates))
+      result.push_back(sentence_on_kept(content->kind, what, io::row_of(format).name));
+    else if (!(no_numbers && follows_numbers(content->kind)) && !(no_colors && follows_colors(content->kind)))
       result.push_back(sentence(content->kind, what, io::row_of(format).name, anew));
     content = end;
   }
   return result;
+}
+
+// Columns of texture coordinates are no attributes that a format lacks if it has such coordinates, at corners of faces.
+void tell_texture_of_points(const Cloud& cloud, Format format, std::vector<Content>& lost) {
+  if (io::keeps(format, ContentKind::texture_coordinates) != Keeps::kept) return;
+  const std::vector<std::string> names = io::texture_columns(attributes(cloud));
+  for (Content& content : lost)
+    if (content.kind == ContentKind::numbers && std::ranges::find(names, content.what) != names.end())
+      content.kind = ContentKind::texture_coordinates;
+  std::ranges::stable_sort(lost, {}, &Content::kind);
 }
 
 std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
@@ -105,19 +130,30 @@ std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
                                io::family(cloud.source->format()) == Format::las;
     return is_ptx_intensity || is_las_record || io::keeps(format, content.kind) == Keeps::kept;
   });
+  tell_texture_of_points(cloud, format, lost);
   return lost;
 }
 
 // A copy has all that its file has; attributes may have been added.
 std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
   std::string added;
+  std::vector<Content> lost;
   const std::vector<io::Column> own = cloud.source->columns();
+  const std::vector<std::string> normals = normal_attributes(cloud);
   for (const Attribute& attribute : cloud.added) {
     const auto named = [&](const io::Column& column) { return column.name == attribute.name; };
-    if (std::none_of(own.begin(), own.end(), named)) added += (added.empty() ? "" : ", ") + attribute.name;
+    if (std::any_of(own.begin(), own.end(), named)) continue;
+    const bool is_normal = std::ranges::find(normals, attribute.name) != normals.end();
+    if (is_normal && !takes_attributes(format) && io::keeps(format, ContentKind::normals) == Keeps::kept)
+      lost = {{ContentKind::normals, attribute.name}};
+    else
+      added += (added.empty() ? "" : ", ") + attribute.name;
   }
-  if (added.empty()) return {};
-  if (!takes_attributes(format)) return {{ContentKind::numbers, added}};
+  if (added.empty()) return lost;
+  if (!takes_attributes(format)) {
+    lost.push_back({ContentKind::numbers, added});
+    return lost;
+  }
   if (io::keeps(format, ContentKind::names) == Keeps::noted) return {{ContentKind::names, added}};
   return {};
 }

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 #include "io/obj_lines.hpp"
 #include "io/plain_row.hpp"
@@ -75,7 +76,8 @@ class PartsReader {
         parts_.materials.libraries.push_back(name);
       else if (known_.emplace(name, known_.size()).second)
         parts_.materials.all.push_back({name});
-      if (!name.empty()) ++materials_[name];  // with its blanks, as exporters write them
+      if (!name.empty())  // with its blanks, as exporters write them
+        materials_.insert((key == "mtllib" ? "the materials of " : "the material ") + io::quoted(name));
     } else if (key == "g" || key == "o" || key == "s") {
       ++groups_;
     } else if (key.empty() || key[0] != '#') {
@@ -140,8 +142,7 @@ class PartsReader {
   void tell() {
     if (others_ > 0)
       parts_.contents.push_back({ContentKind::elements, counted(others_, "line") + " with edges, curves or others"});
-    for (const auto& [material, uses] : materials_)
-      parts_.contents.push_back({ContentKind::materials, io::quoted(material)});
+    for (const std::string& told : materials_) parts_.contents.push_back({ContentKind::materials, told});
     if (groups_ > 0) parts_.contents.push_back({ContentKind::groups, counted(groups_, "line") + " that name parts"});
   }
 
@@ -153,7 +154,7 @@ class PartsReader {
   std::uint64_t groups_ = 0, others_ = 0;
   std::vector<ObjNormals::Normal> normals_;
   std::vector<std::uint32_t> of_points_;
-  std::map<std::string, std::uint64_t> materials_;
+  std::set<std::string> materials_;           // in words
   std::map<std::string, std::size_t> known_;  // of parts_.materials
 };
 

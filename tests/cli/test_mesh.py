@@ -38,7 +38,7 @@ class Mesh(Case):
         def said(out):
             return self.ok("run", source, out, "--force", "--connectivity", "mesh").stderr.decode()
         self.assertIn("note: the result names my statue.mtl, which lies beside the input only", said(folder / "out.obj"))
-        self.assertIn("no place for 'my statue.mtl', 'skin'", said(folder / "out.ply"))
+        self.assertIn("no place for the material 'skin', the materials of 'my statue.mtl'", said(folder / "out.ply"))
         self.assertNotIn("beside the input only", said(self.path("beside.obj")))
         (folder / "my statue.mtl").write_text("")
         self.assertNotIn("beside the input only", said(folder / "out.obj"))
