@@ -99,27 +99,41 @@ std::string faces_note(const Params& params, const Limits& limits, const Cloud& 
                      faces.size());
 }
 
-// Of an OBJ file that is written into another folder: that the file of its materials, which it names before its first
-// vertex, is not there; else empty.
-std::string materials_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+// The files of materials that an OBJ file names before its first vertex.
+std::vector<std::string> libraries_of(const std::filesystem::path& path) {
+  std::vector<std::string> names;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line) && !line.starts_with("v ");)
+    if (line.starts_with("mtllib ")) names.push_back(line.substr(7, line.find_last_not_of(" \t\r") - 6));
+  return names;
+}
+
+// The pictures that a PLY file lays on its faces.
+std::vector<std::string> pictures_of(const Cloud& cloud) {
+  std::vector<std::string> names;
+  for (const TexturePicture& picture : texture(cloud, {}).pictures) names.push_back(picture.name);
+  return names;
+}
+
+// Of a mesh that is written into another folder: that files which it names are not there; else empty.
+std::string left_behind_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
   const std::filesystem::path from(arguments.input), to(arguments.output);
-  if (file_info(cloud).format != Format::obj || options.format != Format::obj || arguments.input == "-" ||
+  const Format format = file_info(cloud).format.value_or(Format::xyz);
+  const bool is_obj = format == Format::obj;
+  if ((!is_obj && format != Format::ply) || options.format != format || arguments.input == "-" ||
       arguments.output == "-")
     return {};
-  std::ifstream file(from);
+  std::string names;
   std::error_code ignored;
-  for (std::string line; std::getline(file, line) && !line.starts_with("v ");) {
-    if (!line.starts_with("mtllib ")) continue;
-    const std::string name = line.substr(7, line.find_last_not_of(" \t\r") - 6);
-    if (std::filesystem::exists(to.parent_path() / name, ignored) ||
-        !std::filesystem::exists(from.parent_path() / name, ignored))
-      return {};
-    return fmt::format(
-        "the result names {}, which lies beside the input only: copy it and the pictures that it names "
-        "to the result, or it is shown without its texture",
-        name);
-  }
-  return {};
+  for (const std::string& name : is_obj ? libraries_of(from) : pictures_of(cloud))
+    if (!std::filesystem::exists(to.parent_path() / name, ignored) &&
+        std::filesystem::exists(from.parent_path() / name, ignored))
+      names += (names.empty() ? "" : ", ") + name;
+  if (names.empty()) return {};
+  return fmt::format(
+      "beside the input only lies what the result names: {}. Copy it{} to the result, or it is shown without its "
+      "texture",
+      names, is_obj ? " and the pictures that it names" : "");
 }
 
 }  // namespace
@@ -193,7 +207,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string by_grid = is_unknown ? grid_viewpoint_note(cloud) : "";
     if (!by_grid.empty()) findings.notes.push_back(by_grid);
     if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
-    if (const std::string left = materials_note(arguments, cloud, write_options); !left.empty())
+    if (const std::string left = left_behind_note(arguments, cloud, write_options); !left.empty())
       findings.notes.push_back(left);
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);

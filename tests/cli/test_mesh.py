@@ -37,11 +37,30 @@ class Mesh(Case):
 
         def said(out):
             return self.ok("run", source, out, "--force", "--connectivity", "mesh").stderr.decode()
-        self.assertIn("note: the result names my statue.mtl, which lies beside the input only", said(folder / "out.obj"))
+        self.assertIn("note: beside the input only lies what the result names: my statue.mtl. Copy it and the pictures", said(folder / "out.obj"))
         self.assertIn("no place for the material 'skin', the materials of 'my statue.mtl'", said(folder / "out.ply"))
         self.assertNotIn("beside the input only", said(self.path("beside.obj")))
         (folder / "my statue.mtl").write_text("")
         self.assertNotIn("beside the input only", said(folder / "out.obj"))
+
+    def test_pictures_that_stay_beside_the_input_are_told(self):
+        head = "ply\nformat ascii 1.0\ncomment TextureFile here.png\ncomment TextureFile a skin.png\nelement vertex 576\n"
+        head += "".join(f"property float {axis}\n" for axis in "xyz") + f"element face {len(self.faces)}\n"
+        head += "property list uchar int vertex_indices\nproperty list uchar float texcoord\nend_header\n"
+        rows = ["{} {} {}".format(*v) for v in self.vertices] + ["4 {} {} {} {} 8 0 0 1 0 1 1 0 1".format(*face) for face in self.faces]
+        source, folder = self.path("in.ply"), self.path("results")
+        source.write_text(head + "\n".join(rows) + "\n")
+        folder.mkdir()
+
+        def said(out):
+            return self.ok("run", source, out, "--force").stderr.decode()
+        self.assertNotIn("beside the input only", said(folder / "out.ply"))  # it is nowhere
+        self.path("a skin.png").write_bytes(b"")
+        self.assertIn("note: beside the input only lies what the result names: a skin.png. Copy it to the result", said(folder / "out.ply"))
+        self.assertNotIn("beside the input only", said(self.path("beside.ply")))
+        self.assertNotIn("beside the input only", said(folder / "out.off"))
+        (folder / "a skin.png").write_bytes(b"")
+        self.assertNotIn("beside the input only", said(folder / "out.ply"))
 
     def test_the_mesh_and_its_folds_are_told_and_reported(self):
         says = self.ok("run", self.mesh, self.path("out.off"), "--connectivity", "mesh").stderr.decode()
