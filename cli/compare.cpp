@@ -31,8 +31,13 @@ std::string line(std::string_view name, double value, double diagonal) {
 
 std::string faces_text(const FaceComparison& faces, double diagonal) {
   std::string text = fmt::format("{} faces against those of the mesh\n", faces.faces);
-  fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n{:<10}{}\n", "normals", faces.normal_error, "folded",
+  fmt::format_to(std::back_inserter(text), "{:<10}{:.3f} degrees\n{:<10}{}\n", "angle", faces.normal_error, "folded",
                  faces.folded);
+  if (faces.turned)
+    text += fmt::format(
+        "{:<10}by area, most faces of A look the other way than B's: angle and folded are of all of them turned "
+        "round\n",
+        "turned");
   text += line("back mean", faces.back.mean, diagonal);
   text += line("back max", faces.back.max, diagonal);
   if (faces.volume && faces.reference)
@@ -65,6 +70,7 @@ Json faces_json(const FaceComparison& faces) {
   return {{"faces", faces.faces},
           {"folded", faces.folded},
           {"normal_error", faces.normal_error},
+          {"turned", faces.turned},
           {"back", statistics_json(faces.back)},
           {"volume", or_null(faces.volume)},
           {"reference_volume", or_null(faces.reference)}};
@@ -127,12 +133,13 @@ Verb add_compare(CLI::App& app) {
   command.footer(
       "Distances are in the file's unit and in % of the diagonal of B's bounding box. chamfer is the mean squared\n"
       "distance to the nearest point from A to B plus that from B to A, where B's bounding sphere has radius 1.\n"
-      "normal_error is the mean angle in degrees to the normal of the nearest face, without its sign.\n"
-      "Where A has faces too, and B is taken as a mesh: the mean angle between the faces' normals and B's, folded "
-      "faces\n"
-      "(by more than 90 degrees), the distances of B's vertices to A's faces, and the volume in % of B's where both "
-      "are\n"
-      "closed. Faces of the same corners are compared with each other, others with the nearest face of B.\n"
+      "normals, normal_error in a report, is the mean angle in degrees between the normals of A's points, by\n"
+      "--normals, and those of the nearest faces, without their sign.\n"
+      "Where A has faces too, and B is taken as a mesh: angle, the mean angle between the faces' normals and B's,\n"
+      "folded faces (by more than 90 degrees), the distances of B's vertices to A's faces, and the volume in % of\n"
+      "B's where both are closed. Faces of the same corners are compared with each other, others with the nearest\n"
+      "face of B. Where most of A's area faces the other way than B's, all of A's faces are turned round first, and\n"
+      "a line says so.\n"
       "Options of the input are for A, and for B if its name has the same extension.");
   return {&command, [arguments](std::stop_token) { compare(*arguments); }};
 }

@@ -74,11 +74,12 @@ void compare_normals(const std::vector<NormalPair>& pairs, FaceComparison& resul
   double agreement = 0;  // by the area of A's faces
   for (const auto& [own, reference] : pairs)
     if (const double size = length(reference); size > 0) agreement += dot(own, reference) / size;
+  result.turned = agreement < 0;
   double sum = 0;
   for (const auto& [own, reference] : pairs) {
     const double sizes = length(own) * length(reference);
     if (!(sizes > 0)) continue;
-    const double cosine = std::clamp((agreement < 0 ? -1 : 1) * dot(own, reference) / sizes, -1.0, 1.0);
+    const double cosine = std::clamp((result.turned ? -1 : 1) * dot(own, reference) / sizes, -1.0, 1.0);
     sum += std::acos(cosine);
     ++result.faces;
     result.folded += cosine < 0;

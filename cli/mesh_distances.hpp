@@ -23,13 +23,14 @@ struct FaceComparison {
   std::uint64_t faces = 0;          ///< of A, that have an area
   std::uint64_t folded = 0;         ///< of them, whose normal is more than 90 degrees off B's
   double normal_error = 0;          ///< mean angle between both, degrees
+  bool turned = false;              ///< most of A's area faces the other way than B's: all faces were turned before
   Statistics back;                  ///< distances of B's vertices to A's faces
   std::optional<double> volume;     ///< of A; none where an edge has not two faces of one orientation
   std::optional<double> reference;  ///< of B
 };
 
 /// B's normal is that of the face of the same number where both meshes have the same faces, else of the face of B that
-/// is nearest to the middle of A's corners. All of B's normals are turned round where that suits most of A's area.
+/// is nearest to the middle of A's corners. All of A's normals are turned round where that suits most of A's area.
 /// `surface` is of finite_triangles(b). O((A + B) log(A + B)).
 FaceComparison compare_faces(std::span<const Vec3> a, const Polygons& faces_a, std::span<const Vec3> b,
                              const Polygons& faces_b, const Surface& surface);

@@ -23,6 +23,8 @@ class FaceComparison:
     """How many of them are turned by more than 90 degrees from B's."""
     normal_error: float
     """Mean angle between the normals of A's and of B's faces, in degrees."""
+    turned: bool
+    """Whether most of A's area faces the other way than B's; then all faces were turned round first."""
     back_mean: float
     """Mean distance of B's vertices to A's faces."""
     back_rms: float

@@ -306,6 +306,7 @@ class Faces(Case):
         for key in ("faces", "folded", "volume"):
             self.assertAlmostEqual(turned[key], found[key], delta=1e-9)
         self.assertAlmostEqual(turned["normal_error"], found["normal_error"], delta=1e-4)
+        self.assertEqual((turned["turned"], found["turned"]), (True, volume(CUBE_VERTICES, CUBE_FACES) < 0))
         self.assertIsNone(self.compared(vertices, faces[1:])["volume"])
         one_turned = self.compared(vertices, [faces[0][::-1], *faces[1:]])
         self.assertIsNone(one_turned["volume"])
@@ -320,6 +321,16 @@ class Faces(Case):
         self.assertIsNone(self.compared(clean, faces, "--as", "cloud"))
         text = self.ok("compare", self.path("b.off"), self.path("b.off")).stdout.decode()
         self.assertIn("folded    0", text)
+        self.assertNotIn("turned", text)
+
+    def test_the_text_says_that_faces_are_turned_and_names_two_angles_apart(self):
+        clean, faces = self.quads()
+        write_off(self.path("b.off"), clean, faces)
+        write_off(self.path("a.off"), clean, [face[::-1] for face in faces])
+        lines = self.ok("compare", self.path("a.off"), self.path("b.off"), "--normals", 5).stdout.decode().splitlines()
+        names = [line[:10].strip() for line in lines]
+        self.assertEqual([names.count(name) for name in ("normals", "angle", "turned")], [1, 1, 1])
+        self.assertIn("most faces of A look the other way than B's", lines[names.index("turned")])
 
 
 class Text(Case):
