@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import path from "node:path";
 import {
-  copied, drawLasso, entry, kModels, noisyArmadillo, openBrowser, openPage, run, save, settled, show, slide, temporaryFolder, test, type,
+  copied, drawLasso, entry, kModels, noisyArmadillo, openBrowser, openPage, run, save, settled, sheet, show, slide, temporaryFolder, test, type,
   updates, view, withModels,
 } from "./program.mjs";
 
@@ -107,6 +107,17 @@ test("a long run says how far it is, is stopped, and the next is sound", models,
   assert.match(await page.locator("#total").textContent(), /[\d.]+ ms run, [\d.]+ ms answer/);
   assert.match(await page.locator("#rate").textContent(), /M points\/s/);
   assert.match(await page.locator(".status .device").textContent(), /^(cpu|cuda) · ./);
+});
+
+test("the command and the program name the file that was typed just now", async (t) => {
+  const { page } = await show(t, [sheet(temporaryFolder(t), "scan.xyz", 60)]);
+  await page.locator("#output").fill("first.ply");
+  assert.match(await copied(page, "Copy as command", "command"), /first\.ply/);
+  await page.locator("#output").fill("second.ply");
+  await page.locator("#encoding").selectOption("ascii");
+  const program = await copied(page, "Copy as C++", "program");
+  assert.match(program, /second\.ply/);
+  assert.match(program, /ascii/);
 });
 
 const headOf = (frame) => JSON.parse(frame.subarray(4, 4 + frame.readUInt32LE(0)).toString());

@@ -3,7 +3,7 @@
 
 import "./style.css";
 import { Colouring } from "./colouring";
-import { Connection, kIsLocal } from "./connection";
+import { type Asked, Connection, kIsLocal } from "./connection";
 import { grouped } from "./dom";
 import { Header } from "./header";
 import { helpDialog } from "./help";
@@ -14,6 +14,7 @@ import { Panel } from "./panel";
 import { Pointer } from "./pointer";
 import type { CloudHead, Hello, Message, Recipe, Result, TextureHead } from "./protocol";
 import { simplified } from "./region";
+import { ResultTexts } from "./result_texts";
 import { Scene } from "./scene";
 import { ShownLimits } from "./shown_limits";
 import { Stage } from "./stage";
@@ -61,6 +62,7 @@ class Page {
     () => this.connection.send({ type: "outliers", id: this.connection.nextId() }),
   );
   private readonly takeaway = new Takeaway(this.scene, this.stage, this.legend);
+  private readonly texts = new ResultTexts(this.takeaway, this.stage, () => this.connection.busy || this.ask());
   private readonly limits = new ShownLimits(this.scene);
   private readonly pointer = new Pointer(this.scene, this.stage, this.colouring);
   private readonly connection: Connection;
@@ -73,8 +75,8 @@ class Page {
   private result: Result | null = null; // that is shown; null: the original is
   private held = false; // a key shows the original
   private isFirstLook = false; // nobody has said how the next result is shown
-  private shownRecipe: Recipe | null = null; // that the shown result came from
-  private asked: Recipe = this.recipe;
+  private shownRecipe: Asked | null = null; // that the shown result came from
+  private asked: Asked = { ...this.recipe, held: false, output: "", encoding: "" };
   private focus: number[] | undefined;
   private urlTimer = 0;
   private fresh: { kind: string; serverMs: number } | null = null; // displacements that the next frame shows first
@@ -157,8 +159,8 @@ class Page {
       drawLasso: () => void this.drawLasso(),
       lassoInView: () => this.setLasso([[-1, -1], [1, -1], [1, 1], [-1, 1]]),
       save: (overwrite) => this.save(overwrite),
-      copyCommand: () => this.copyOfResult(this.result?.command, "The command"),
-      copyCpp: () => this.copyOfResult(this.result?.cpp, "The program"),
+      copyCommand: () => this.texts.take("command", this.recipe),
+      copyCpp: () => this.texts.take("cpp", this.recipe),
       copyLink: () => void this.takeaway.copy(location.href, "The link"),
     });
     document.body.append(this.panel.element);
@@ -177,6 +179,7 @@ class Page {
     }
     this.cloud = head;
     this.result = this.shownRecipe = null;
+    this.texts.setResult(null, this.asked);
     this.limits.forget();
     this.focus = undefined;
     this.scene.setCloud(head, arrays);
@@ -194,9 +197,10 @@ class Page {
   }
 
   private setResult(head: Result, arrays: Message["arrays"]): void {
-    const recipe = copyRecipe(this.connection.askedBy(head.id) ?? this.asked);
+    const recipe = this.connection.askedBy(head.id) ?? this.asked;
     this.result = head;
     this.shownRecipe = recipe;
+    this.texts.setResult(head, recipe);
     delete document.body.dataset.settled; // until this result has settled
     this.scene.setResult(head, arrays);
     this.panel!.setUsed(head, recipe);
@@ -285,9 +289,10 @@ class Page {
   private ask(held = false): void {
     if (!this.cloud || !this.panel) return;
     this.focus ??= this.scene.focus();
-    this.asked = copyRecipe(this.recipe);
+    this.asked = { ...copyRecipe(this.recipe), focus: this.focus, held, output: this.panel.outputName, encoding: this.panel.encodingName };
     document.body.dataset.busy = "true";
-    this.connection.run({ ...this.asked, focus: this.focus, held, output: this.panel.outputName, encoding: this.panel.encodingName });
+    this.texts.setAsked(this.asked);
+    this.connection.run(this.asked);
   }
 
   private restore(recipe: Recipe | null): void {
@@ -301,12 +306,6 @@ class Page {
     this.connection.send({ type: "save", id: this.connection.nextId(), ...this.recipe,
       output: this.panel!.outputName, encoding: this.panel!.encodingName, overwrite });
     this.status.showProgress("saving", 0);
-  }
-
-  // What belongs to a result that is not there yet says something else.
-  private copyOfResult(text: string | undefined, what: string): void {
-    if (text && this.shownRecipe && equalRecipes(this.shownRecipe, this.recipe)) void this.takeaway.copy(text, what);
-    else this.stage.say("The run has not finished yet.", true);
   }
 
   private async drawLasso(): Promise<void> {
