@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { existsSync } from "node:fs";
 import path from "node:path";
 import { blocks, canvas, difference, faintTexts, picture, pixelsOfDistance } from "./looks.mjs";
-import { dataset, entry, kModels, noisyArmadillo, settled, show, slider, temporaryFolder, test, withModels } from "./program.mjs";
+import { dataset, entry, kModels, noisyArmadillo, settled, sheet, show, slider, temporaryFolder, test, withModels } from "./program.mjs";
 
 const models = withModels();
 
@@ -117,6 +117,17 @@ test("texts have the contrast that WCAG AA asks for", models, async (t) => {
   assert.deepEqual(await page.evaluate(faintTexts), []);
   await page.keyboard.press("?");
   assert.deepEqual(await page.evaluate(faintTexts), []);
+});
+
+test("labels are whole, also of parameters that are seldom needed", async (t) => {
+  const { page } = await show(t, [sheet(temporaryFolder(t), "scan.xyz", 60)]);
+  await page.locator(".expert > summary").click();
+  for (const width of [1280, 360]) {
+    await page.setViewportSize({ width, height: 800 });
+    const cut = await page.locator(".panel label").evaluateAll((labels) => labels
+      .filter((label) => label.checkVisibility() && label.scrollWidth > label.clientWidth).map((label) => label.textContent));
+    assert.deepEqual(cut, [], `at ${width} pixels`);
+  }
 });
 
 for (const [width, height] of [[390, 844], [320, 568]]) {

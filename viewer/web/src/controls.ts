@@ -58,7 +58,7 @@ export function makeControl(param: Param, change: (text: string, done: boolean) 
 function row(param: Param, ...parts: (Node | null)[]): HTMLElement {
   const id = `param-${param.name}`;
   const help = h("span", { class: "help", id: `${id}-help` }, param.help);
-  return h("div", { class: `param ${param.kind}`, "data-param": param.name, title: `${param.flag}: ${param.help}` },
+  return h("div", { class: "param", "data-param": param.name, title: `${param.flag}: ${param.help}` },
     h("label", { class: "words", htmlFor: id }, wordsFor(param.name)), ...parts, help);
 }
 
