@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page for those without a pointer, with a phone, or with weak eyes.
 import assert from "node:assert/strict";
-import { existsSync } from "node:fs";
+import { appendFileSync, existsSync } from "node:fs";
 import path from "node:path";
 import { blocks, canvas, difference, faintTexts, picture, pixelsOfDistance } from "./looks.mjs";
 import { dataset, entry, kModels, noisyArmadillo, settled, sheet, show, slider, temporaryFolder, test, withModels } from "./program.mjs";
@@ -128,6 +128,26 @@ test("labels are whole, also of parameters that are seldom needed", async (t) =>
       .filter((label) => label.checkVisibility() && label.scrollWidth > label.clientWidth).map((label) => label.textContent));
     assert.deepEqual(cut, [], `at ${width} pixels`);
   }
+});
+
+test("a full status line keeps what counts in sight, and says the rest under the pointer", async (t) => {
+  const folder = temporaryFolder(t);
+  const scattered = Array.from({ length: 200 }, (_, i) => `${(i * 7919) % 997} ${(i * 104729) % 991} ${100 + ((i * 1299709) % 983)}`);
+  const file = sheet(folder, "scan.xyz", 60, 0.3, true);
+  appendFileSync(file, `\n${scattered.join("\n")}\nnan nan nan\n`);
+  const { page } = await show(t, [file]);
+  for (const width of [1280, 1000, 800]) {
+    await page.setViewportSize({ width, height: 700 });
+    const beyond = await page.locator("#total, #rate, .kept > span:first-child, .status .device").evaluateAll((parts) => parts
+      .filter((part) => part.getBoundingClientRect().right > innerWidth || part.clientWidth === 0 && part.getBoundingClientRect().width < 40)
+      .map((part) => part.textContent));
+    assert.deepEqual(beyond, [], `at ${width} pixels`);
+    assert.ok((await page.locator(".status").boundingBox()).height < 50, "it is one line");
+  }
+  const whole = await page.locator(".status .kept").textContent();
+  assert.match(whole, /kept in place: .*, /);
+  assert.equal(await page.locator(".status .kept").getAttribute("title"), whole);
+  assert.match(await page.locator(".status .device").getAttribute("title"), /^(cpu|cuda) · .+: ./);
 });
 
 for (const [width, height] of [[390, 844], [320, 568]]) {

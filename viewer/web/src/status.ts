@@ -14,6 +14,8 @@ const kRateWindow = 2000;
 export class Status {
   private readonly total = h("span", { id: "total" });
   private readonly stages = h("span", { class: "stages" });
+  private readonly reasons = h("span", { class: "reasons" });
+  private readonly kept = h("span", { class: "kept" });
   private readonly rate = h("span", { id: "rate" });
   private readonly bar = h("progress", { max: 1, value: 0, "aria-label": "progress" });
   private readonly stage = h("span", {});
@@ -25,13 +27,13 @@ export class Status {
   constructor(cancel: () => void) {
     this.progress = h("span", { class: "progress", hidden: true }, this.stage, this.bar,
       h("button", { type: "button", class: "plain", onclick: cancel }, "Stop"));
-    this.element = h("footer", { class: "status", "aria-label": "Last run" }, this.total, this.rate, this.stages, this.progress, this.device);
+    this.element = h("footer", { class: "status", "aria-label": "Last run" }, this.total, this.rate, this.stages, this.kept, this.progress, this.device);
   }
 
   setDevice(device: Hello["device"]): void {
     if (!device) return;
     this.device.textContent = `${device.kind} · ${device.name}`;
-    this.device.title = device.reason;
+    this.device.title = `${this.device.textContent}: ${device.reason}`;
   }
 
   showResult(result: Result, points: number): void {
@@ -45,18 +47,25 @@ export class Status {
       item.style.setProperty("--dot", kStageColours[name] ?? "#8794a1");
       return item;
     }));
-    if (!result.unmoved) return;
-    const reasons = Object.entries(result.reasons).filter(([, count]) => count > 0);
-    const told = reasons.map(([reason, count]) => `${grouped(count)} ${reason}`).join(", ");
-    this.stages.append(h("i", { class: "kept" }, `${grouped(result.unmoved)} kept in place: ${told}`));
+    this.stages.title = result.stages.map(({ name, ms }) => `${name} ${short(ms)} ms`).join(", ");
+    this.showKept(result);
+  }
+
+  // The number stays in sight where the reasons have no room.
+  private showKept({ unmoved, reasons }: Result): void {
+    const there = Object.entries(reasons).filter(([, count]) => count > 0);
+    this.reasons.textContent = `: ${there.map(([reason, count]) => `${grouped(count)} ${reason}`).join(", ")}`;
+    this.kept.replaceChildren(...(unmoved ? [h("span", {}, `${grouped(unmoved)} kept in place`), this.reasons] : []));
+    this.kept.title = this.kept.textContent ?? "";
   }
 
   /** Nothing was computed. */
   clear(): void {
     this.hideProgress();
     this.total.replaceChildren("no result");
-    this.rate.textContent = "";
+    this.rate.textContent = this.stages.title = this.kept.title = "";
     this.stages.replaceChildren();
+    this.kept.replaceChildren();
   }
 
   showProgress(stage: string, share: number): void {
