@@ -4,8 +4,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 #include <string>
 #include <vector>
@@ -86,54 +84,14 @@ std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std
   return reasons;
 }
 
-// Where a run takes a mesh as a cloud: most points are corners of its faces.
-std::string faces_note(const Params& params, const Limits& limits, const Cloud& cloud) {
+// Where a run takes a mesh as a cloud.
+std::vector<std::string> ignored_faces(const Params& params, const Limits& limits, const Cloud& cloud) {
   if (params.connectivity != Connectivity::automatic || limits.strength == 0) return {};
-  const Polygons faces = polygons(cloud);
-  std::vector<std::uint8_t> is_corner(cloud.points.size(), 0);
-  for (const std::uint32_t corner : faces.corners)
-    if (corner < is_corner.size()) is_corner[corner] = 1;
-  const auto corners = std::count(is_corner.begin(), is_corner.end(), 1);
-  if (faces.size() == 0 || 2 * corners < std::ptrdiff_t(is_corner.size())) return {};
-  return fmt::format("the {} faces of the file are kept and not followed; --connectivity mesh follows their edges",
-                     faces.size());
+  return notes_on_faces(polygons(cloud), cloud.points.size());
 }
 
-// The files of materials that an OBJ file names before its first vertex.
-std::vector<std::string> libraries_of(const std::filesystem::path& path) {
-  std::vector<std::string> names;
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line) && !line.starts_with("v ");)
-    if (line.starts_with("mtllib ")) names.push_back(line.substr(7, line.find_last_not_of(" \t\r") - 6));
-  return names;
-}
-
-// The pictures that a PLY file lays on its faces.
-std::vector<std::string> pictures_of(const Cloud& cloud) {
-  std::vector<std::string> names;
-  for (const TexturePicture& picture : texture(cloud, {}).pictures) names.push_back(picture.name);
-  return names;
-}
-
-// Of a mesh that is written into another folder: that files which it names are not there; else empty.
-std::string left_behind_note(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
-  const std::filesystem::path from(arguments.input), to(arguments.output);
-  const Format format = file_info(cloud).format.value_or(Format::xyz);
-  const bool is_obj = format == Format::obj;
-  if ((!is_obj && format != Format::ply) || options.format != format || arguments.input == "-" ||
-      arguments.output == "-")
-    return {};
-  std::string names;
-  std::error_code ignored;
-  for (const std::string& name : is_obj ? libraries_of(from) : pictures_of(cloud))
-    if (!std::filesystem::exists(to.parent_path() / name, ignored) &&
-        std::filesystem::exists(from.parent_path() / name, ignored))
-      names += (names.empty() ? "" : ", ") + name;
-  if (names.empty()) return {};
-  return fmt::format(
-      "beside the input only lies what the result names: {}. Copy it{} to the result, or it is shown without its "
-      "texture",
-      names, is_obj ? " and the pictures that it names" : "");
+void add(const std::vector<std::string>& notes, Findings& findings) {
+  findings.notes.insert(findings.notes.end(), notes.begin(), notes.end());
 }
 
 }  // namespace
@@ -200,15 +158,14 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     count_limited(cloud, limits, movable, pipeline.outliers(), findings);
     if (copies) return find_copied(write_options, denoised, pipeline, findings);
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
-    for (const std::string& far_away : notes_on_viewpoints(
-             arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin, pipeline.estimates(stop)))
-      findings.notes.push_back(far_away);
+    add(notes_on_viewpoints(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin,
+                            pipeline.estimates(stop)),
+        findings);
     const bool is_unknown = arguments.viewpoint.empty() && !pipeline.report().found_sensor;
     const std::string by_grid = is_unknown ? grid_viewpoint_note(cloud) : "";
     if (!by_grid.empty()) findings.notes.push_back(by_grid);
-    if (const std::string faces = faces_note(params, limits, cloud); !faces.empty()) findings.notes.push_back(faces);
-    if (const std::string left = left_behind_note(arguments, cloud, write_options); !left.empty())
-      findings.notes.push_back(left);
+    add(ignored_faces(params, limits, cloud), findings);
+    add(notes_on_materials(cloud, arguments.input, arguments.output, write_options.format), findings);
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);
     findings.report = pipeline.report();

@@ -110,20 +110,11 @@ std::string zones_note(const Cloud& cloud, const Report& report, const Estimates
       estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
 }
 
-// That the normals in the file are not those of the result, and what renews them.
-std::string normals_note(const Cloud& cloud, const WriteOptions& options) {
-  const std::optional<Format> own = file_info(cloud).format;
-  const bool is_obj = own == Format::obj && options.format.value_or(*own) == Format::obj;
-  return std::string("the normals in the file are those from before; ") +
-         (is_obj ? "OBJ files keep theirs: write PLY with --normals update, or compute them again in another program"
-                 : "--normals update replaces them");
-}
-
 std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud, double noise,
                                const Findings& findings) {
   std::vector<std::string> result = losses(cloud, options.format, options.encoding);
-  if (keeps_normals && findings.displacement.max > 0 && !normal_attributes(cloud).empty())
-    result.push_back(normals_note(cloud, options));
+  if (keeps_normals && findings.displacement.max > 0)
+    for (std::string& note : notes_on_kept_normals(cloud, options.format)) result.push_back(std::move(note));
   if (const std::string coarse = coarse_steps(findings.step, noise); !coarse.empty()) result.push_back(coarse);
   return result;
 }

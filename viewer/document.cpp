@@ -13,6 +13,7 @@
 #include "drawn_faces.hpp"
 #include "pointfair/file_info.hpp"
 #include "quantise.hpp"
+#include "saved_notes.hpp"
 #include "texture_message.hpp"
 
 namespace pointfair::viewer {
@@ -77,6 +78,7 @@ void Document::open(Cloud cloud, const std::string& name, std::string path, Comp
             .shown = std::min<std::size_t>(count, options_.point_budget)};
   facts_.step = displacement_step(facts_.estimates.spacing, facts_.estimates.diagonal);
   facts_.settles = count <= kMaxShaded;
+  notes_on_faces_ = notes_on_faces(faces, count);
   find_texture(faces);
   place_sensor();
   result_ = pipeline_->host_buffer(count);
@@ -277,12 +279,22 @@ void Document::show_result(const Request& request, const std::stop_token& stop) 
   std::vector<Array> arrays{make_array("displacements", moved.values), make_array("places", moved.places),
                             make_array("exceptions", moved.exceptions)};
   if (fresh) arrays.push_back(make_array("motion_normals", motion_));
-  std::vector<std::string> notes =
-      notes_on_run(request.recipe.params, pipeline_->estimates(stop), report,
-                   {moved.mean, moved.rms, moved.p95, moved.max}, stored_float_step(cloud_, facts_.estimates));
-  notes.insert(notes.end(), notes_.begin(), notes_.end());
+  const std::vector<std::string> notes = notes_on(request, moved, stop);
   send_(pack(result_answer(request, report, moved, notes, facts_.step, milliseconds_since(start), errand_of(request)),
              arrays));
+}
+
+// In the order of the program.
+std::vector<std::string> Document::notes_on(const Request& request, const Displacements& moved,
+                                            const std::stop_token& stop) {
+  const auto& [params, limits] = request.recipe;
+  std::vector<std::string> notes =
+      notes_on_run(params, pipeline_->estimates(stop), pipeline_->report(),
+                   {moved.mean, moved.rms, moved.p95, moved.max}, stored_float_step(cloud_, facts_.estimates));
+  notes.insert(notes.end(), notes_.begin(), notes_.end());
+  if (params.connectivity == Connectivity::automatic && limits.strength > 0)
+    notes.insert(notes.end(), notes_on_faces_.begin(), notes_on_faces_.end());
+  return notes;
 }
 
 void Document::send_shading(std::stop_token stop) {
@@ -370,7 +382,7 @@ void Document::write_file(const Request& request, const WriteOptions& write_opti
   const Format format = format_to_write(path, file_info(denoised).format);
   Json saved{{"type", "saved"},
              {"id", request.id},
-             {"notes", losses(denoised, format, write_options.encoding)},
+             {"notes", notes_on_file(cloud_, denoised, format, write_options.encoding, facts_.path, path)},
              {"command", as_command(request.recipe, errand_of(request))}};
   if (options_.saves_to_page) {
     const std::vector<std::byte> bytes = write_bytes(denoised, format, write_options.encoding);

@@ -61,6 +61,7 @@ class Document {
   void show_preview(const Request& request, const Params& used, std::stop_token stop);
   void send_part(const Request& request, const Preview::Result& part);
   void show_result(const Request& request, const std::stop_token& stop);
+  std::vector<std::string> notes_on(const Request& request, const Displacements& moved, const std::stop_token& stop);
   bool takes_motion_normals(const Report& report);
   void find_texture(const Polygons& faces);
   void send_cloud();
@@ -80,7 +81,8 @@ class Document {
   bool has_cloud_ = false;
   Cloud cloud_;
   CloudFacts facts_;
-  std::vector<std::string> notes_;  // on the places of its sensor
+  std::vector<std::string> notes_;           // on the places of its sensor
+  std::vector<std::string> notes_on_faces_;  // should they not be followed
   Companions companions_;
   Texture texture_;  // of the faces that the page draws
   Order order_;

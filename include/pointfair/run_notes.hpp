@@ -3,12 +3,16 @@
 // program prints as `note:` and the viewer shows; their wording may change with any version.
 #pragma once
 
+#include <cstddef>
+#include <filesystem>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
+#include "pointfair/io.hpp"
 #include "pointfair/positions.hpp"
 #include "pointfair/report.hpp"
 #include "pointfair/tiled_run.hpp"
@@ -41,6 +45,22 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, cons
 /// the cloud that the estimates are of. O(number of places); never fails.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints,
                                                               const Position& origin, const Estimates& estimates);
+
+/// Of a run with automatic connectivity that moves points of a cloud with these faces: where it takes a mesh as a
+/// cloud, because most points are corners, that the faces were not followed. `points`: of the cloud. O(points and
+/// corners).
+POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Polygons& faces, std::size_t points);
+
+/// Of a file whose points moved and which keeps the normals that it had: that they are those from before, and what
+/// renews them. `format`: of the file that is written; unset: that of the cloud's own. Throws as file_info.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format);
+
+/// Of an OBJ or PLY file `to` with the result of a cloud that was read from the file `from` of the same format: that
+/// what it names (the libraries of materials before its first vertex; its pictures) lies beside `from` only. A path is
+/// "-" where there is none. Throws as file_info and texture.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_materials(const Cloud& cloud, const std::filesystem::path& from,
+                                                             const std::filesystem::path& to,
+                                                             std::optional<Format> format);
 
 /// The same as notes_on_run and notes_on_viewpoints, of a run in tiles.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const TiledReport& report);

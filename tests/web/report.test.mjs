@@ -2,10 +2,10 @@
 // The page that --report writes, in a browser: everyone can read it, on a telephone and on paper, without a network.
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
-import { readFileSync, statSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, statSync, writeFileSync } from "node:fs";
 import path from "node:path";
 import { pathToFileURL } from "node:url";
-import { kProgram, modules, openBrowser, openPage, run, settled, show, temporaryFolder, test, type, view } from "./program.mjs";
+import { kProgram, modules, openBrowser, openPage, run, save, settled, show, temporaryFolder, test, type, view } from "./program.mjs";
 
 const kAxe = readFileSync(modules.resolve("axe-core/axe.min.js"), "utf8");
 
@@ -90,4 +90,28 @@ test("the viewer says what the program says of a result that may not be what it 
   await settled(phone.page);
   assert.ok(await phone.page.locator(".notes summary").isVisible());
   assert.ok(await phone.page.locator(".notes li").first().isHidden(), "where they would hide the picture, they are folded");
+});
+
+test("the viewer says what the program says of a mesh that it saves", async (t) => {
+  const folder = temporaryFolder(t), results = path.join(folder, "results");
+  mkdirSync(results);
+  const scan = path.join(folder, "scan.obj"), side = 40;
+  const vertices = Array.from({ length: side * side }, (_, i) =>
+    `v ${i % side} ${Math.floor(i / side)} ${Math.sin((i % side) / 6) + ((i * 7919) % 101) / 202}`);
+  const corner = (i) => `${i}//1`;
+  const faces = Array.from({ length: (side - 1) ** 2 }, (_, i) => i + Math.floor(i / (side - 1)) + 1)
+    .map((i) => `f ${[i, i + 1, i + side + 1, i + side].map(corner).join(" ")}`);
+  writeFileSync(scan, ["mtllib scan.mtl", ...vertices, "vn 0 0 1", "usemtl skin", ...faces, ""].join("\n"));
+  writeFileSync(path.join(folder, "scan.mtl"), "newmtl skin\n");
+  const { page } = await show(t, [scan, "--save-folder", results]);
+  for (const name of ["out.obj", "out.ply"]) {
+    const { stderr } = spawnSync(kProgram, ["run", scan, path.join(results, `run_${name}`)], { encoding: "utf8" });
+    const said = [...stderr.matchAll(/^note: (.*)$/gm)].map(([, note]) => note);
+    assert.match(said.join(), /faces of the file are kept and not followed/);
+    assert.match(said.join(), name === "out.obj" ? /normals in the file are those from before.*beside the input only/ : /scan\.mtl/);
+    await save(page, name);
+    const toast = await page.locator(".toast", { hasText: name }).textContent();
+    const shown = await page.locator(".notes li").allTextContents();
+    for (const note of said) assert.ok(shown.includes(note) || toast.includes(`Note: ${note}`), `${note} of ${name}`);
+  }
 });
