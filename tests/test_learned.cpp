@@ -103,6 +103,32 @@ TEST(Learned, clean_clouds_move_by_a_hundredth_of_the_spacing_at_most) {
   }
 }
 
+TEST(Learned, the_net_says_how_far_it_is_and_stops_when_told) {
+  const Points points = shapes::with_noise(shapes::sphere(6000), 0.02);
+  const Points expected = learned(points);
+  Pipeline pipeline = loaded(points, Device(Device::cpu));
+  Points out(points.size());
+  std::vector<double> shares, of_net;
+  const Params params{.method = Method::learned};
+  pipeline.run(params, out, {}, [&](double share, std::string_view stage) {
+    shares.push_back(share);
+    if (stage == "net") of_net.push_back(share);
+  });
+  EXPECT_TRUE(same_bits(out, expected));
+  EXPECT_TRUE(std::is_sorted(shares.begin(), shares.end()));
+  ASSERT_GT(of_net.size(), 10u);
+  EXPECT_LT(of_net.front(), 0.5);
+  EXPECT_EQ(shares.back(), 1);
+
+  std::stop_source stop;
+  expect_error(ErrorKind::interrupted, "", [&] {
+    pipeline.run(params, out, stop.get_token(), [&](double share, std::string_view stage) {
+      EXPECT_LT(share, 0.7);
+      if (stage == "net" && share > 0.5) stop.request_stop();
+    });
+  });
+}
+
 // By 3-4-5 and 7-24-25 angles about two axes.
 Points turned(const Points& from) {
   Points to;

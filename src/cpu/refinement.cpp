@@ -16,6 +16,7 @@ namespace net = point::net;
 
 constexpr std::size_t kLeavesABlock = 64, kPointsABlock = kLeavesABlock * kLeafSize;
 constexpr int kNowhere = -1;
+constexpr int kSteps = 1 + net::kScales + 2 + net::kLayers;  // the index, each list, slide, begin, each layer
 
 point::Vec3<float> vector_of(const Point& p) { return {p.x, p.y, p.z}; }
 
@@ -30,14 +31,16 @@ struct Coarse {
 class Net {
  public:
   Net(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
-      const NetKernels& net_kernels, const std::stop_token& stop)
+      const NetKernels& net_kernels, const std::stop_token& stop, const NetProgress& progress)
       : classical_(classical),
         weights_(weights.view()),
         frame_(frame),
         stop_(stop),
         kernels_(kernels),
-        net_kernels_(net_kernels) {
+        net_kernels_(net_kernels),
+        progress_(progress) {
     index_.build(classical.points, {}, frame, space_, kernels_, stop);
+    end_step();
   }
 
   void run(std::span<Point> out) {
@@ -61,11 +64,13 @@ class Net {
     for (int s = 0; s < net::kScales; ++s) {
       if (s > 0 && !choose(s)) {  // too few points: as the finer scale
         lists_of_[s] = lists_of_[s - 1];
+        end_step();
         continue;
       }
       lists_[s].resize(room);
       lists_of_[s] = lists_[s].data();
       for_items(cloud.leaves, kLeavesABlock, stop_, [&](std::size_t leaf) { find_neighbors_of(Index(leaf), s); });
+      end_step();
     }
   }
 
@@ -131,6 +136,7 @@ class Net {
       }
     });
     slide();
+    end_step();
     const NetCloud view{{lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
                         places_.data(),
                         turned_.data(),
@@ -146,9 +152,11 @@ class Net {
         if (turned_[i] != 0) normal = {-normal.x, -normal.y, -normal.z};
       }
     });
+    end_step();
     for (int layer = 0; layer < net::kLayers; ++layer) {
       for_points([&](Index first, Index last) { net_kernels_.store(view, weights_, layer, first, last); });
       for_points([&](Index first, Index last) { net_kernels_.layer(view, weights_, layer, first, last); });
+      end_step();
     }
   }
 
@@ -173,6 +181,10 @@ class Net {
     });
   }
 
+  void end_step() {
+    if (progress_) progress_(double(++steps_done_) / kSteps);
+  }
+
   template <class Body>
   void for_points(const Body& body) {
     for_blocks(index_.view().points, kPointsABlock, stop_,
@@ -185,6 +197,8 @@ class Net {
   const std::stop_token& stop_;
   const Kernels& kernels_;
   const NetKernels& net_kernels_;
+  const NetProgress& progress_;
+  int steps_done_ = 0;
   MemoryMeter meter_;
   SortSpace space_{meter_};
   SpatialIndex index_{meter_};
@@ -203,8 +217,9 @@ class Net {
 }  // namespace
 
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
-            const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop) {
-  Net net(classical, weights, frame, kernels, net_kernels, stop);
+            const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop,
+            const NetProgress& progress) {
+  Net net(classical, weights, frame, kernels, net_kernels, stop, progress);
   if (out.data() != classical.points.data()) std::copy(classical.points.begin(), classical.points.end(), out.begin());
   net.run(out);
 }
@@ -214,8 +229,8 @@ void refine(const Classical& classical, const NetWeights& weights, const Frame& 
 namespace pointfair {
 
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
-            const std::stop_token& stop) {
-  cpu::refine(classical, weights, frame, cpu::best_kernels(), cpu::best_net_kernels(), out, stop);
+            const std::stop_token& stop, const NetProgress& progress) {
+  cpu::refine(classical, weights, frame, cpu::best_kernels(), cpu::best_net_kernels(), out, stop, progress);
 }
 
 }  // namespace pointfair

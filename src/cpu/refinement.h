@@ -8,6 +8,7 @@
 namespace pointfair::cpu {
 
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, const Kernels& kernels,
-            const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop);
+            const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop,
+            const NetProgress& progress = {});
 
 }  // namespace pointfair::cpu

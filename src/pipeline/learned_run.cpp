@@ -3,6 +3,8 @@
 
 #include <limits>
 #include <memory>
+#include <string_view>
+#include <thread>
 #include <vector>
 
 #include "pipeline/run_state.hpp"
@@ -15,6 +17,22 @@ namespace {
 
 constexpr std::size_t kBlock = 1 << 14;  // points that one core takes at once
 constexpr float kNoPlace = std::numeric_limits<float>::quiet_NaN();
+constexpr std::string_view kNet = "net";
+constexpr double kShareOfStages = 0.3;  // of a run's progress; the rest is the net's
+
+// What the stages before the net are told with.
+ProgressFunction first_part(const ProgressFunction& progress) {
+  if (!progress) return {};
+  return [&progress](double share, std::string_view stage) { progress(kShareOfStages * share, stage); };
+}
+
+// The net's, on this thread alone, whoever works for it.
+NetProgress of_net(const ProgressFunction& progress) {
+  if (!progress) return {};
+  return [&progress, caller = std::this_thread::get_id()](double share) {
+    if (std::this_thread::get_id() == caller) progress(kShareOfStages + (1 - kShareOfStages) * share, kNet);
+  };
+}
 
 // The whole way of a point is limited as that of any method. Outliers were found before.
 void limit(std::span<const Point> measured, const DisplacementLimits& limits, Sampling& by, std::span<Point> out) {
@@ -61,7 +79,8 @@ void Pipeline::State::run_learned(const Params& params, const Delivery& to, cons
   shown_.reset();
   check_params(params);
   attempt([&] { measure({false, true}, IndexOrder::along_curve, stop); });
-  run(of_stages(params), to, stop, progress);
+  run(of_stages(params), to, stop, first_part(progress));
+  if (progress) progress(1, kNet);
   report.params.method = params.method;
 }
 
@@ -71,8 +90,9 @@ void Pipeline::State::run_learned(const Params& params, std::span<Point> out, co
                            std::span<std::uint8_t> marks) {
     const double sigma = noise_to_refine_by(used);
     Refinement* const on_device = sigma > 0 ? cloud.backend().refinement() : nullptr;
-    if (on_device == nullptr) return refine_outside(iteration, sigma, out, limits, marks, stop);
+    if (on_device == nullptr) return refine_outside(iteration, sigma, out, limits, marks, stop, of_net(progress));
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
+    if (progress) of_net(progress)(0);
     return on_device->download_refined(iteration, out, limits, marks, {*weights, frame(), float(sigma), levels()},
                                        stop);
   };
@@ -92,6 +112,7 @@ void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out,
                   "--method learned refines a cloud that several cards share on the host's cores: give an output in "
                   "host memory, or another method");
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
+    if (progress) of_net(progress)(0);
     return on_device->download_refined(iteration, out, stream, limits, marks,
                                        {*weights, frame(), float(sigma), levels()}, stop);
   };
@@ -100,13 +121,14 @@ void Pipeline::State::run_learned(const Params& params, const DeviceOutput& out,
 
 OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::span<Point> out,
                                               const DisplacementLimits& limits, std::span<std::uint8_t> marks,
-                                              const std::stop_token& stop) {
+                                              const std::stop_token& stop, const NetProgress& progress) {
   Backend& backend = cloud.backend();
   std::vector<std::uint8_t> held(out.size());
   const OutlierCounts counts = timed("download", [&] { return backend.download(iteration, out, limits, held); });
   if (!marks.empty()) std::copy(held.begin(), held.end(), marks.begin());
   if (!(sigma > 0)) return counts;
-  return timed("net", [&] {
+  return timed(kNet, [&] {
+    if (progress) progress(0);
     std::vector<Point> measured(out.size()), normals(out.size());
     std::vector<float> noise(out.size());
     backend.download_input(measured);
@@ -119,7 +141,7 @@ OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
     const Classical classical{measured, out, normals, noise, held};
     if (!refine_on_card(cloud, classical, *weights, its, out, stop))
-      sampling.for_each_on_host(1, [&](std::size_t) { refine(classical, *weights, its, out, stop); });
+      sampling.for_each_on_host(1, [&](std::size_t) { refine(classical, *weights, its, out, stop, progress); });
     for (const Copy& copy : cloud.copies_aside()) {
       measured[copy.point] = copy.place;
       out[copy.point] = held[copy.point] || held[copy.first] ? copy.place : out[copy.first];

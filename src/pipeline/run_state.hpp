@@ -17,6 +17,7 @@
 #include "pipeline/stage_log.hpp"
 #include "pointfair/pipeline.hpp"
 #include "seam/net_weights.hpp"
+#include "seam/refinement.hpp"
 
 namespace pointfair {
 namespace scale {
@@ -93,7 +94,7 @@ struct Pipeline::State {
                    const ProgressFunction& progress);
   double noise_to_refine_by(const Params& used) const;
   OutlierCounts refine_outside(int iteration, double sigma, std::span<Point> out, const DisplacementLimits& limits,
-                               std::span<std::uint8_t> marks, const std::stop_token& stop);
+                               std::span<std::uint8_t> marks, const std::stop_token& stop, const NetProgress& progress);
   void tell_noise(std::span<const Point> points, double sigma, std::span<float> out);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <stop_token>
@@ -21,12 +22,15 @@ struct Classical {
   std::span<const std::uint8_t> held;  // 1: keeps its place
 };
 
+// Is told the share of the net's steps that are done, after each.
+using NetProgress = std::function<void(double share)>;
+
 // On the host's cores: writes the refined points to `out`, which may be `classical.points`. Points that are held, that
 // have no normal or that know no noise keep their classical place. A point's result depends on those that its lists of
 // neighbours reach, layer by layer, in all kScales scales: on no bound of distance. The frame is the cloud's. 640 bytes
 // a point. Runs on the threads of the arena that calls it.
 void refine(const Classical& classical, const NetWeights& weights, const Frame& frame, std::span<Point> out,
-            const std::stop_token& stop);
+            const std::stop_token& stop, const NetProgress& progress = {});
 
 // What a device refines its results by.
 struct RefinedBy {
