@@ -75,6 +75,42 @@ test("attributes that are zero everywhere are not offered, and lengths are in mm
   assert.equal(await dataset(metric, "error"), undefined);
 });
 
+/** Where the camera that the URL holds sees a place: -1 to 1 across and upwards inside the picture. */
+function seen(place, words, aspect) {
+  const camera = words.get("view.camera").split(",").map(Number);
+  const minus = (a, b) => a.map((v, i) => v - b[i]);
+  const dot = (a, b) => a.reduce((sum, v, i) => sum + v * b[i], 0);
+  const cross = ([a, b, c], [d, e, f]) => [b * f - c * e, c * d - a * f, a * e - b * d];
+  const unit = (a) => a.map((v) => v / Math.hypot(...a));
+  const forward = unit(minus(camera.slice(3), camera.slice(0, 3)));
+  const right = unit(cross(forward, words.get("view.up") === "y" ? [0, 1, 0] : [0, 0, 1]));
+  const way = minus(place, camera.slice(0, 3));
+  const half = dot(way, forward) * Math.tan(Math.PI / 9); // the field of view is 40 degrees high
+  return [dot(way, right) / (half * aspect), dot(way, cross(right, forward)) / half];
+}
+
+test("a file of three points, none of which moves, is whole in the picture, and the URL names it", async (t) => {
+  const folder = temporaryFolder(t);
+  const { page } = await show(t, [sheet(folder, "sheet.xyz", 60)]);
+  const places = [[0, 0, 0], [10, 0, 0], [0, 6, 1]];
+  const file = path.join(folder, "three.xyz");
+  writeFileSync(file, places.map((place) => place.join(" ")).join("\n"));
+  const chooser = page.waitForEvent("filechooser");
+  await page.keyboard.press("o");
+  await (await chooser).setFiles(file);
+  await page.waitForFunction(() => document.body.dataset.cloud === "three.xyz");
+  await settled(page);
+  const words = async () => new URLSearchParams(await page.evaluate(() => location.hash.slice(1)));
+  await page.waitForTimeout(500); // the URL is written a little later
+  assert.equal((await words()).get("cloud"), "three.xyz");
+  const { width, height } = await page.locator(".stage > canvas").boundingBox();
+  await page.locator(".stage > canvas").focus();
+  await page.keyboard.press("ArrowLeft"); // a little, and the URL says where the camera is
+  await page.waitForFunction(() => location.hash.includes("view.camera"));
+  for (const place of places)
+    for (const at of seen(place, await words(), width / height)) assert.ok(Math.abs(at) < 1, `${place} at ${at}`);
+});
+
 test("outliers of a run are told by reason, though it did not mark them", async (t) => {
   const { page } = await show(t, [sheet(temporaryFolder(t), "spike.xyz", 60, 0.3, true)]);
   const before = await blocks(page, await picture(page));

@@ -12,6 +12,7 @@ const kFrontY = new THREE.Vector3(0.35, 0.25, 0.9); // where one looks from, by 
 const kFrontZ = new THREE.Vector3(0.45, -0.8, 0.42);
 const kFitSample = 4000;
 const kFitted = 0.995; // of the points
+const kFew = 100; // points, of which none may lie outside
 const kMargin = 1.18;
 const kRounds = 4;
 
@@ -156,7 +157,8 @@ function finiteSample(positions: Float32Array): THREE.Vector3[] {
 }
 
 function quantile(values: number[], share: number): number | undefined {
-  return values.sort((a, b) => a - b)[Math.floor(share * (values.length - 1))];
+  const at = share * (values.length - 1);
+  return values.sort((a, b) => a - b)[values.length < kFew ? Math.round(at) : Math.floor(at)];
 }
 
 // From how far, and how far aside, a camera that looks along -z sees nearly all of the points in the middle of its picture.

@@ -193,6 +193,7 @@ class Page {
     this.stage.welcome.hide();
     this.header.setMode(this.view.mode);
     this.viewChanged(false);
+    this.writeUrl();
     this.ask();
   }
 
