@@ -299,8 +299,10 @@ class PageMaker {
     std::vector<std::vector<std::string>> rows{{"what", "in the result"}};
     const std::size_t removed = before_.points.size() - after_.points.size();
     rows.push_back(
-        {"points", fmt::format("{}, {}, in the same order", counted(after_.points.size()),
-                               removed == 0 ? "as many as before" : counted(removed) + " removed as outliers")});
+        {"points",
+         fmt::format("{}, {}, {}", counted(after_.points.size()),
+                     removed == 0 ? "as many as before" : counted(removed) + " removed as outliers",
+                     job_.run ? "in the same order" : "each compared with the one at its place in the file")});
     for (const Comparison::Row& row : copy_.rows)
       rows.push_back({row.what, row.differ == 0 ? "the same, byte for byte" : counted(row.differ) + " differ"});
     if (const auto differ = copy_.faces_that_differ)
@@ -309,8 +311,7 @@ class PageMaker {
     for (const std::string& name : copy_.added) rows.push_back({name, "new"});
     return grid_of("Compared after the result was written", rows) +
            "<p>Nothing else was compared: a file may also hold texture coordinates of corners, materials, parts, "
-           "values "
-           "of faces or comments.</p>\n";
+           "values of faces or comments.</p>\n";
   }
 
   std::string files_section(const std::string& input_sum, const std::string& output_sum) const {

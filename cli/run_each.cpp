@@ -79,7 +79,7 @@ std::string naming(const Row& row, const std::string& error) {
 // Runs one; what goes wrong is written down.
 void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& progress, Row& row) {
   std::error_code failed;
-  if (arguments.skip_existing && fs::exists(row.output, failed)) {
+  if (arguments.skip_existing && fs::exists(row.output, failed) && !fs::equivalent(row.input, row.output, failed)) {
     row.status = "skipped";
     return;
   }

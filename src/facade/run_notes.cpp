@@ -79,7 +79,7 @@ void add_long_wave(const Look& look, std::vector<std::string>& notes) {
 void add_copies(const Look& look, std::vector<std::string>& notes) {
   if (look.copies == 0) return;
   notes.push_back(std::to_string(look.copies) + (look.copies == 1 ? " point repeats" : " points repeat") +
-                  " another one, exactly or but for rounding: each place counted once, and they got its result");
+                  " another one, exactly or nearly: each place counted once, and they got its result");
 }
 
 void add_no_surface(const Look& look, std::vector<std::string>& notes) {

@@ -90,7 +90,7 @@ void NewFile::fail(int error) const {
   if (platform::is_full(error)) {
     const std::uint64_t missing = std::max<std::uint64_t>(size_, written_ + 1) - written_;
     message += "; this file needs " + std::to_string(missing) +
-               " bytes more: free some space and run again, what is finished is kept";
+               " bytes more: free some space and run again; with --work, what is finished is kept";
   }
   throw Error(ErrorKind::file, message);
 }

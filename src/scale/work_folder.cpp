@@ -84,7 +84,7 @@ void WorkFolder::check_room(const WorkStep& step) const {
     io::fail(platform::text_of(path),
              "step " + step.name() + " needs " + std::to_string(needed) + " bytes, which is " +
                  std::to_string(needed - free) +
-                 " bytes more than are free: free some space and run again, what is finished is kept");
+                 " bytes more than are free: free some space and run again; with --work, what is finished is kept");
 }
 
 void WorkFolder::check_memory(const WorkStep& step, std::size_t task) const {

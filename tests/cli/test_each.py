@@ -75,6 +75,10 @@ class Each(Case):
         self.assertIn("2 of 3 files written, 1 skipped, 0 failed", said)
         self.assertEqual((self.out / "a.ply").read_text(), "mine")
 
+    def test_an_input_is_no_result_that_is_there(self):
+        self.fails(3, "run", self.stations, "--out-dir", self.stations, "--each", "--skip-existing",
+                   says=("is input and output at once", "3 of 3 files failed"))
+
     def test_the_table_of_a_run_that_was_stopped_goes_on(self):
         (self.stations / "a.ply").rename(self.stations / 'a, the "first".ply')
         table = {name: self.path("rows" + name) for name in (".csv", ".json")}
