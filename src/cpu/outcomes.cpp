@@ -7,6 +7,7 @@
 
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
+#include "seam/noise_levels.hpp"
 
 namespace pointfair::cpu {
 namespace {
@@ -88,6 +89,7 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
   const bool mean_found = index.points > Index(point::kAreaNeighbors);
   const NeighborView lists = neighborhoods().lists;
   const bool with_areas = fairing_settings_.area_weight != AreaWeight::none;
+  const point::NodeField reach = field_of(neighbors_.reach_levels.get());
 
   // 1 or 0 for exact or not: neighbourhoods, then what is made of them
   std::vector<float> neighborhood(places, 1.0f), mean(with_areas ? places : 0, 1.0f), counts(places, 0.0f);
@@ -105,7 +107,8 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
       depths.include(i, gap, entries.squared_last, !has_normal);
     } else {
       const float squared_radius = squared_radius_[i] * (radii_grow() ? squared_growth_[i] : 1.0f);
-      neighborhood[i] = one_if(point::is_exact_radius(squared_radius, radius_found, gap));
+      const float looked_at = point::squared_search(squared_radius_[i], point::node_value(reach, vector_at(index, i)));
+      neighborhood[i] = one_if(point::is_exact_radius(std::max(squared_radius, looked_at), radius_found, gap));
       depths.include(i, gap, std::max({squared_radius, squared_radius_[i], 0.0f}), !has_normal);
     }
     if (with_areas)

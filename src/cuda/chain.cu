@@ -250,6 +250,7 @@ void Chain::find_outcomes(const point::Region& loaded, unsigned char* out) {
   cuda::find_outcomes(context_, index_.tree(), grown_surroundings(), normals(),
                       {loaded,
                        {query.k, query.squared_limit, neighbors_.constraint, neighbors_.reach},
+                       reach_levels_.of(neighbors_.reach_levels),
                        reads_areas ? mean_distance_.data() : nullptr,
                        normal_settings_.filter_rounds,
                        reads_normals_of_neighbors(fairing_settings_),

@@ -60,6 +60,13 @@ POINTFAIR_INLINE bool is_exact_radius(float squared_radius, bool radius_found, f
   return squared_gap > 3e38f || (radius_found && squared_radius < squared_gap);
 }
 
+// How far the search looked that found a radius: to one of the nearest points, whose distance the level of the reach
+// may have made smaller.
+POINTFAIR_INLINE float squared_search(float squared_radius, float reach_level) {
+  const float level = smaller(reach_level, 1.0f);
+  return 1.0001f * squared_radius / (level * level);
+}
+
 // The same for the mean distance to the five nearest points, all of which are loaded somewhere: none is farther than
 // the sum of them.
 POINTFAIR_INLINE bool is_exact_mean(float mean_distance, float squared_gap) {

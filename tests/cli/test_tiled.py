@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles on disk have the bits of the run in memory, whatever is killed on the way."""
+import math
 import random
 import resource
 import shutil
@@ -180,6 +181,15 @@ class Bits(Case):
             self.assertEqual(whole["unmoved"][key], cut["unmoved"][key], key)
         self.assertEqual(whole["params"], cut["params"])
         self.assertEqual(whole["noise"]["before"], cut["noise"]["before"])
+
+    def test_radii_that_are_narrower_than_what_they_were_measured_by(self):
+        generator = random.Random(0)
+        points = []
+        for _ in range(8000):  # ripples that get sparser outwards
+            r, turn = 10 * generator.random()**3 + 0.01, 6.28 * generator.random()
+            points.append((r * math.cos(turn), r * math.sin(turn), 0.05 * r * math.sin(4 * turn) + 0.002 * r * generator.gauss(0, 1)))
+        source = write_binary(self.path("in.ply"), points)
+        self.same(source, "--noise", "0.01", "--normal-filter", "off", "--offset", "point", "--iterations", "1", tiles=(5, 10, 20))
 
 
 class Tasks(Case):

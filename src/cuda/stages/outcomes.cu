@@ -36,10 +36,12 @@ __device__ Exact exact_list(const Tree& tree, const Lists& lists, const point::L
           squared_last};
 }
 
-__device__ Exact exact_radius(const point::Radii& radii, bool is_found, std::size_t at, float squared_gap) {
+__device__ Exact exact_radius(const point::Radii& radii, float reach_level, bool is_found, std::size_t at,
+                              float squared_gap) {
   const float own = radii.squared_radius[at],
               grown = own * (radii.squared_growth == nullptr ? 1.0f : radii.squared_growth[at]);
-  return {point::is_exact_radius(grown, is_found, squared_gap), false, fmaxf(own, grown)};
+  const float farthest = fmaxf(grown, point::squared_search(own, reach_level));
+  return {point::is_exact_radius(farthest, is_found, squared_gap), false, fmaxf(own, grown)};
 }
 
 // 1 or 0 for exact or not: neighbourhoods and mean distances. The leaf of a point without a normal is surveyed in any
@@ -63,7 +65,8 @@ __global__ void __launch_bounds__(kBlock)
     if (!query.along_mesh)
       exact = surroundings.lists.k > 0
                   ? exact_list(tree, surroundings.lists, query.rule, at, gap)
-                  : exact_radius(radii, radii.min_neighbors == 0 || valid > Index(radii.min_neighbors), at, gap);
+                  : exact_radius(radii, point::node_value(query.reach, position_of(tree.points[at])),
+                                 radii.min_neighbors == 0 || valid > Index(radii.min_neighbors), at, gap);
     const Vec normal = normals.at(at);
     const bool has_normal = normal.x != 0 || normal.y != 0 || normal.z != 0;
     end = has_normal ? end_of(gap, exact.squared_reach) : kSurveyed;

@@ -10,6 +10,7 @@ namespace pointfair::cuda {
 struct OutcomeQuery {
   point::Region loaded;
   point::ListRule rule;        // if neighbourhoods are lists
+  point::NodeField reach;      // its levels, if neighbourhoods have a radius
   const float* mean_distance;  // null if no area weight reads it
   int filter_rounds;
   bool reads_normals;        // of neighbours
