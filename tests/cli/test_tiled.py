@@ -187,9 +187,11 @@ class Bits(Case):
         points = []
         for _ in range(8000):  # ripples that get sparser outwards
             r, turn = 10 * generator.random()**3 + 0.01, 6.28 * generator.random()
-            points.append((r * math.cos(turn), r * math.sin(turn), 0.05 * r * math.sin(4 * turn) + 0.002 * r * generator.gauss(0, 1)))
+            height = 0.05 * r * math.sin(4 * turn) + 0.002 * r * generator.gauss(0, 1)
+            points.append((r * math.cos(turn), r * math.sin(turn), height))
         source = write_binary(self.path("in.ply"), points)
-        self.same(source, "--noise", "0.01", "--normal-filter", "off", "--offset", "point", "--iterations", "1", tiles=(5, 10, 20))
+        self.same(source, "--noise", "0.01", "--normal-filter", "off", "--offset", "point", "--iterations", "1",
+                  tiles=(5, 10, 20))
 
 
 class Tasks(Case):
