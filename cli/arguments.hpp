@@ -53,11 +53,12 @@ void add_device(CLI::App& command, DeviceArguments& arguments);
 void add_viewpoint(CLI::App& command, std::string& viewpoint);
 void add_threads(CLI::App& command, unsigned& threads);
 
-/// Keeps this program's own loops to so many threads while it lives; 0: all cores.
 /// Refuses all but whole numbers from `least` on, of which CLI11 would read -1 as 2^64 - 1.
 CLI::Validator whole_number_from(std::uint64_t least);
+/// Refuses the empty name, which would count as none given.
 CLI::Validator name_of_folder();
 
+/// Keeps this program's own loops to so many threads while it lives; 0: all cores.
 std::optional<tbb::global_control> limit_threads(unsigned threads);
 
 /// Throws ErrorKind::usage for a word that names no device.
