@@ -79,7 +79,8 @@ enum Outcome : unsigned char {
   kExact = 1,  // as with the whole cloud loaded
   kTooFew = 2,
   kNoNormal = 4,
-  kShort = 8,  // a constrained neighbourhood of fewer than k
+  kShort = 8,    // a constrained neighbourhood of fewer than k
+  kIsCopy = 16,  // of another point, whose result it has; of tiles only (seam/copies.hpp)
 };
 
 // `found`: neighbours of the point, whose normal is zero where there is none.

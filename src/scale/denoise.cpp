@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <future>
 #include <limits>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <utility>
@@ -52,13 +53,14 @@ class Tile final : public Denoising, private PointStore {
     enter(origins_.front());
     if (!has_points()) return;
     const double halo = first_halo(seen_->bounds(), stages_, bounds_);  // as run_tiles() begins
-    fits_ = load(region_around(seen_->bounds(), bounds_, halo), numbers_);
+    fits_ = load(region_around(seen_->bounds(), bounds_, halo), ahead_.numbers, ahead_.known_copies);
   }
 
   void compute(Backend& backend) override {
     TileWorker worker(backend);
     const ForEach for_each = backend.sampling().on_host();
     results_ = own_;  // outliers of iterations before stay as they are
+    is_copy_.assign(own_.size(), 0);
     if (work_.input.zones().are_several()) work_.input.read_stored(leaves_, results_);
     for (const Position& origin : origins_) {
       if (origin != origins_.front()) enter(origin);
@@ -112,20 +114,29 @@ class Tile final : public Denoising, private PointStore {
   std::span<const Point> points() const override { return own_; }
 
   bool load(const point::Region& region, TileWorker& worker) override {
-    if (fits_) worker.numbers.swap(numbers_);  // read() has it
-    const bool fits = fits_ ? *std::exchange(fits_, std::nullopt) : load(region, worker.numbers);
+    if (fits_) {  // read() has it
+      worker.numbers.swap(ahead_.numbers);
+      worker.known_copies.swap(ahead_.known_copies);
+    }
+    const bool fits = fits_ ? *std::exchange(fits_, std::nullopt) : load(region, worker.numbers, worker.known_copies);
     worker.points = worker.results = loaded_;  // what was uploaded is not needed any more
     return fits;
   }
-  bool load(const point::Region& region, Indices& numbers) {
+  bool load(const point::Region& region, Indices& numbers, Indices& known_copies) {
     loaded_.clear();
     numbers.clear();
+    known_copies.clear();
     loaded_.reserve(own_.size() + own_.size() / 4);
     numbers.reserve(own_.size());
-    for (std::size_t i = 0; i < own_.size(); ++i) {
-      if (!point::is_inside(region, to_vec3(own_[i]))) continue;
-      loaded_.push_back(own_[i]);
-      numbers.push_back(std::uint32_t(i));
+    std::size_t at = 0;
+    for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
+      const std::size_t end = at + seen_->leaves()[leaf].valid, copies = end - seen_->copies_of(leaf);
+      for (; at < end; ++at) {
+        if (!point::is_inside(region, to_vec3(own_[at]))) continue;
+        if (at >= copies) known_copies.push_back(std::uint32_t(loaded_.size()));
+        loaded_.push_back(own_[at]);
+        numbers.push_back(std::uint32_t(at));
+      }
     }
     return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
   }
@@ -136,6 +147,7 @@ class Tile final : public Denoising, private PointStore {
       if (outcomes[i] != 0) {
         Point& to = results_[numbers[i]];
         to = moved(to, own_[numbers[i]], results[i]);
+        is_copy_[numbers[i]] = (outcomes[i] & point::kIsCopy) != 0;
       }
   }
 
@@ -147,23 +159,28 @@ class Tile final : public Denoising, private PointStore {
                                    "from others or many share its place; give more memory, or leave it out"};
   }
 
-  // By leaf, for the next iteration. Outliers are written too, as a NaN that tells the reason.
+  // By leaf, for the next iteration, the copies of each last. Outliers are written too, as a NaN that tells the reason.
   void write_by_leaf(const std::vector<std::uint64_t>& indices) const {
     std::vector<Section> sections;
-    std::size_t at = 0;
+    std::vector<std::uint32_t> order(results_.size());
+    std::iota(order.begin(), order.end(), 0u);
+    std::span<std::uint32_t> left(order);
     for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
-      const std::size_t count = work_.input.leaves()[leaf].valid;
+      const std::span<std::uint32_t> its = left.first(work_.input.leaves()[leaf].valid);
+      left = left.subspan(its.size());
       Bounds b = kNoBounds;
-      for (const Point& p : std::span(results_).subspan(at, count))
-        if (is_indexed(p)) include(b, p);
-      if (count > 0) sections.push_back({work_.input.tree_leaf(leaf), work_.input.zone_of(leaf), count, b.min, b.max});
-      at += count;
+      for (const std::uint32_t i : its)
+        if (is_indexed(results_[i])) include(b, results_[i]);
+      const auto copies = std::ranges::stable_partition(its, [&](std::uint32_t i) { return !is_copy_[i]; });
+      if (!its.empty())
+        sections.push_back({work_.input.tree_leaf(leaf), work_.input.zone_of(leaf), its.size(), b.min, b.max,
+                            std::uint64_t(copies.size())});
     }
     PointsHeader header = header_of(counts_, work_.first_counts);
     header.index_bytes = sizeof(std::uint64_t);
     PointsWriter writer(path_, header, sections, {});
-    writer.write(std::span(results_));
-    writer.write(std::span(indices));
+    writer.write<Point>(order, [&](std::uint32_t i) { return results_[i]; });
+    writer.write<std::uint64_t>(order, [&](std::uint32_t i) { return indices[i]; });
     writer.finish();
   }
 
@@ -192,12 +209,15 @@ class Tile final : public Denoising, private PointStore {
   std::vector<Position> origins_;
   std::optional<StoredCloud> seen_;  // from the origin that is computed around; what follows is relative to it
   FramedSettings stages_;
-  Bounds bounds_;               // of the tile's points that are computed now
-  std::optional<bool> fits_;    // what read() loaded; nothing once it is taken
-  Indices numbers_;             // its
-  std::vector<Point> own_;      // all of the tile
-  std::vector<Point> results_;  // each relative to the middle of its own zone
-  std::vector<Point> loaded_;   // points that are computed, those of the tile first; then their results
+  Bounds bounds_;             // of the tile's points that are computed now
+  std::optional<bool> fits_;  // what read() loaded; nothing once it is taken
+  struct {
+    Indices numbers, known_copies;
+  } ahead_;                            // its, as of TileWorker
+  std::vector<Point> own_;             // all of the tile
+  std::vector<Point> results_;         // each relative to the middle of its own zone
+  std::vector<std::uint8_t> is_copy_;  // of the results
+  std::vector<Point> loaded_;          // points that are computed, those of the tile first; then their results
   Counts counts_;
 };
 

@@ -22,7 +22,8 @@ struct Section {
   std::uint32_t key = 0;  ///< the leaf of its points, or the chunk of the input that they are of
   Zone zone{};            ///< of its points, which are relative to the zone's middle
   std::uint64_t count = 0;
-  Point min{}, max{};  ///< of its points
+  Point min{}, max{};        ///< of its points
+  std::uint64_t copies = 0;  ///< so many of its last points are copies of others, which lie where those do
 };
 
 /// What a task counted; what each number is, its task says.

@@ -33,13 +33,15 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
     for (std::uint32_t leaf = 0; leaf < leaves; ++leaf) stored->leaves.push_back({leaf, {}, kNoBounds, {}});
   }
   for (const std::filesystem::path& path : files) {
-    Part part{std::make_unique<PointsFile>(path), {}, {0}};
+    Part part{std::make_unique<PointsFile>(path), {}, {0}, {}};
     for (const Section& section : part.file->sections()) {
       if (section.count == 0) continue;
       const Leaf wanted{section.key, section.zone, {}, {}};
       const auto its = std::lower_bound(stored->leaves.begin(), stored->leaves.end(), wanted, comes_before);
       part.leaves.push_back(static_cast<std::uint32_t>(its - stored->leaves.begin()));
       part.begins.push_back(part.begins.back() + section.count);
+      part.copies.push_back(section.copies);
+      its->copies += section.copies;
       unite(its->bounds, {section.min, section.max, section.count});
     }
     for (std::size_t i = 0; i < stored->counts.size(); ++i) stored->counts[i] += part.file->header().counts[i];
@@ -118,14 +120,14 @@ Bounds StoredCloud::bounds_of(const LeafRange& range) const {
 template <class IsWanted, class Visit>
 void StoredCloud::for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const {
   for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
-    const auto& [open, leaves, begins] = stored_->parts[p];
+    const auto& [open, leaves, begins, copies] = stored_->parts[p];
     std::unique_ptr<PointsFile> opened;  // for as long as it is used, where too many files would stay open
     const auto first = std::lower_bound(leaves.begin(), leaves.end(), range.begin);
     for (auto leaf = first; leaf != leaves.end() && range.holds(*leaf); ++leaf) {
       if (!is_wanted(*leaf)) continue;
       if (!open && !opened) opened = std::make_unique<PointsFile>(stored_->files[p]);
       const auto i = static_cast<std::size_t>(leaf - leaves.begin());
-      if (!visit(open ? *open : *opened, *leaf, begins[i], begins[i + 1] - begins[i])) return;
+      if (!visit(Piece{open ? *open : *opened, *leaf, begins[i], begins[i + 1] - begins[i], copies[i]})) return;
     }
   }
 }
@@ -149,11 +151,11 @@ void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
   if (points) points->resize(next.back());
   if (indices) indices->resize(next.back());
   const auto all = [](std::uint32_t) { return true; };
-  for_pieces(range, all, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
-    std::uint64_t& to = next[leaf - range.begin];
-    if (points) file.positions(first, std::span(*points).subspan(to, count));
-    if (indices) file.indices(first, std::span(*indices).subspan(to, count));
-    to += count;
+  for_pieces(range, all, [&](const Piece& piece) {
+    std::uint64_t& to = next[piece.leaf - range.begin];
+    if (points) piece.file.positions(piece.first, std::span(*points).subspan(to, piece.count));
+    if (indices) piece.file.indices(piece.first, std::span(*indices).subspan(to, piece.count));
+    to += piece.count;
     return true;
   });
 }
@@ -166,18 +168,18 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
     const Bounds& b = leaf_bounds_[leaf];
     if (!may_overlap(region, b) || (except.holds(leaf) && origin_for(leaf) == origin_)) continue;
     wanted[leaf] = lies_inside(region, b) ? 2 : 1;
-    if (wanted[leaf] == 2) certain += b.valid;
+    if (wanted[leaf] == 2) certain += b.valid - copies_of(leaf);
   }
   if (certain > most) return false;
   points.reserve(certain + certain / 4);
   std::vector<Point> some;
   const auto is_wanted = [&](std::uint32_t leaf) { return wanted[leaf] != 0; };
-  for_pieces(kAll, is_wanted, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
-    some.resize(count);
-    file.positions(first, some);
-    bring(leaf, some);
+  for_pieces(kAll, is_wanted, [&](const Piece& piece) {
+    some.resize(piece.count - piece.copies);
+    piece.file.positions(piece.first, some);
+    bring(piece.leaf, some);
     std::copy_if(some.begin(), some.end(), std::back_inserter(points),
-                 [&](const Point& p) { return wanted[leaf] == 2 || point::is_inside(region, to_vec3(p)); });
+                 [&](const Point& p) { return wanted[piece.leaf] == 2 || point::is_inside(region, to_vec3(p)); });
     return points.size() <= most;
   });
   return points.size() <= most;
@@ -188,16 +190,16 @@ void StoredCloud::for_all(const std::function<void(std::span<const Point>)>& vis
   std::vector<Point> some;
   some.reserve(std::min<std::uint64_t>(kSome, bounds_.valid));
   const auto all = [](std::uint32_t) { return true; };
-  for_pieces(kAll, all, [&](const PointsFile& file, std::uint32_t leaf, std::uint64_t first, std::size_t count) {
-    if (!some.empty() && some.size() + count > kSome) {
+  for_pieces(kAll, all, [&](const Piece& piece) {
+    if (!some.empty() && some.size() + piece.count > kSome) {
       visit(some);
       some.clear();
     }
     const std::size_t at = some.size();
-    some.resize(at + count);
+    some.resize(at + piece.count);
     const std::span<Point> its = std::span(some).subspan(at);
-    file.positions(first, its);
-    bring(leaf, its);
+    piece.file.positions(piece.first, its);
+    bring(piece.leaf, its);
     return true;
   });
   if (!some.empty()) visit(some);

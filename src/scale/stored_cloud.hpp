@@ -46,6 +46,8 @@ class StoredCloud {
   /// What the files' tasks counted, in all.
   const TaskCounts& counts() const { return stored_->counts; }
   std::uint64_t count_of(const LeafRange& range) const;
+  /// So many of the last points of a leaf are copies, as the iteration before found.
+  std::uint64_t copies_of(std::uint32_t leaf) const { return stored_->leaves[leaf].copies; }
   Bounds bounds_of(const LeafRange& range) const;
 
   /// The points of the leaves, leaf after leaf, and in the same order their indices in the input; of both, what is
@@ -54,8 +56,8 @@ class StoredCloud {
   /// The same points relative to the middles of their zones; and such points of a leaf as read() gives them.
   void read_stored(const LeafRange& range, std::vector<Point>& points) const;
   void bring(std::uint32_t leaf, std::span<Point> points) const;
-  /// Appends the points of the region; of the leaves in `except`, only those that are computed around another origin.
-  /// At most `most` of all are wanted: false as soon as there are more.
+  /// Appends the points of the region that are no copies; of the leaves in `except`, only those that are computed
+  /// around another origin. At most `most` of all are wanted: false as soon as there are more.
   bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points) const;
   /// Calls visit(points) for all points, a few at a time.
   void for_all(const std::function<void(std::span<const Point>)>& visit) const;
@@ -65,7 +67,13 @@ class StoredCloud {
   struct Part {
     std::unique_ptr<PointsFile> file;
     std::vector<std::uint32_t> leaves;
-    std::vector<std::uint64_t> begins;
+    std::vector<std::uint64_t> begins, copies;
+  };
+  // What a part has of a leaf.
+  struct Piece {
+    const PointsFile& file;
+    std::uint32_t leaf;
+    std::uint64_t first, count, copies;
   };
 
   struct Leaf {
@@ -73,6 +81,7 @@ class StoredCloud {
     Zone zone;
     Bounds bounds;    // relative to the middle of the zone
     Position origin;  // as origin_for() has it
+    std::uint64_t copies = 0;
   };
   struct Stored {
     std::vector<std::filesystem::path> files;
@@ -85,7 +94,7 @@ class StoredCloud {
                                             const Zones& zones);
   static void choose_origins(std::vector<Leaf>& leaves, const Zones& zones);
   Position shift_of(std::uint32_t leaf) const;
-  // Calls visit(file, leaf, first, count) for what the files have of the wanted leaves of the range, until it is false.
+  // Calls visit(piece) for what the files have of the wanted leaves of the range, until it is false.
   template <class IsWanted, class Visit>
   void for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const;
   void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;

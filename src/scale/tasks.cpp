@@ -165,8 +165,7 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   FramedSettings settings{resolved_->settings, {}};
   if (sums_within_radius(folder_.plan.params)) settings.frame = measured_->frame;
   settings.fairing.is_further = step.iteration > 0;
-  settings.copies = measured_->copies;
-  if (step.iteration > 0 && settings.copies.any()) settings.copies.within = 0;  // the step before brought them together
+  if (step.iteration == 0) settings.copies = measured_->copies;  // later ones are stored
   const bool is_last = step.iteration + 1 == folder_.plan.iterations;
   std::optional<TaskCounts> first_counts;
   if (step.iteration > 0)

@@ -12,6 +12,7 @@
 #include <tuple>
 
 #include "seam/cloud_sample.hpp"
+#include "seam/stop.hpp"
 
 namespace pointfair {
 namespace {
@@ -21,6 +22,10 @@ struct Entry {
   std::uint64_t cell;
   std::uint32_t order, point;
 };
+
+// Times the rule's distance: what decides whether a point is a copy lies so near. Of the firsts around it, within one
+// of these, each cube has to be known, which reaches as far as its diagonal.
+constexpr double kDecidedWithin = 1.9;
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -160,20 +165,23 @@ const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
 point::Region without_border(point::Region region, const CopyRule& rule) {
   if (!(rule.within > 0)) return region;
   const auto inwards = [&](float end, int sign) {
-    return std::nextafter(float(end + sign * rule.within), float(sign) * kUnbounded);
+    return std::nextafter(float(end + sign * kDecidedWithin * rule.within), float(sign) * kUnbounded);
   };
   return {{inwards(region.min.x, 1), inwards(region.min.y, 1), inwards(region.min.z, 1)},
           {inwards(region.max.x, -1), inwards(region.max.y, -1), inwards(region.max.z, -1)}};
 }
 
-std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded) {
+std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded,
+                               const std::stop_token& stop) {
   std::vector<std::uint32_t> before(points.size());  // the point that each follows, or itself
   std::iota(before.begin(), before.end(), 0u);
   std::vector<Entry> entries = by_place(points, rule.corner);
   keep_firsts(points, 0, entries, before);
+  throw_if_stopped(stop);
   if (rule.within > 0) {
     sort_by_small_cells(points, rule, entries);
     keep_firsts(points, rule.within, entries, before);
+    throw_if_stopped(stop);
     const Neighborhood near(points, std::move(entries), rule.within);
     const std::span<const Entry> firsts = near.entries();
     tbb::parallel_for(std::size_t(0), firsts.size(), [&](std::size_t e) {
@@ -194,6 +202,26 @@ std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& ru
   return copies;
 }
 
+std::vector<Copy> copies_at_one_place(std::span<const Point> points, std::span<const std::uint32_t> known) {
+  std::vector<Copy> copies;
+  std::vector<bool> is_known(points.size());
+  for (const std::uint32_t i : known) {
+    if (!is_indexed(points[i])) continue;
+    copies.push_back({i, kNone, points[i]});
+    is_known[i] = true;
+  }
+  const auto less = [](const Point& a, const Point& b) { return point::lies_before(to_vec3(a), to_vec3(b)); };
+  std::ranges::sort(copies, less, &Copy::place);
+  for (std::uint32_t i = 0; i < points.size(); ++i) {
+    if (is_known[i] || !is_indexed(points[i])) continue;
+    for (Copy& copy : std::ranges::equal_range(copies, points[i], less, &Copy::place))
+      copy.first = std::min(copy.first, i);
+  }
+  std::erase_if(copies, [](const Copy& copy) { return copy.first == kNone; });
+  std::ranges::sort(copies, {}, &Copy::point);
+  return copies;
+}
+
 std::uint32_t first_of(std::span<const Copy> copies, std::uint32_t point) {
   const Copy* const copy = find(copies, point);
   return copy != nullptr ? copy->first : point;
@@ -205,9 +233,9 @@ bool is_sure(std::span<const Copy> copies, std::uint32_t point) {
 }
 
 CloudSample once_each(const CloudSample& sample, std::span<const std::uint32_t> firsts, std::span<const Point> places,
-                      int times) {
+                      double times) {
   CloudSample once{sample.bounds, {}, {}};
-  once.bounds.valid /= std::uint64_t(times);
+  once.bounds.valid = std::uint64_t(std::llround(double(sample.bounds.valid) / times));
   std::vector<std::size_t> by_place(places.size());
   for (std::size_t i = 0; i < by_place.size(); ++i) by_place[i] = i;
   std::ranges::stable_sort(by_place, [&](std::size_t a, std::size_t b) {

@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "point/region.h"
@@ -28,7 +29,13 @@ point::Region without_border(point::Region region, const CopyRule& rule);
 // half the distance, which are all within it of each other, the first stands for the others; of such firsts, each
 // follows the first of those within the distance, which may follow another one. O(N log N), 20 bytes a point and 24 a
 // copy.
-std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded);
+// Throws Error(interrupted) once `stop` is triggered.
+std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded,
+                               const std::stop_token& stop = {});
+
+// The same of points that are known to be copies, ascending, and lie where a point lies that is none. Those that do not
+// are left out. O(N log(copies)).
+std::vector<Copy> copies_at_one_place(std::span<const Point> points, std::span<const std::uint32_t> known);
 
 // The point that `point` is a copy of, or itself.
 std::uint32_t first_of(std::span<const Copy> copies, std::uint32_t point);
@@ -44,6 +51,6 @@ void follow(std::span<const Copy> copies, std::span<Value> values) {
 // A cloud's sample where each place counts once: of the points that `firsts` and `places` name in place of its own,
 // those at new places. `times`: how many points one place has.
 CloudSample once_each(const CloudSample& sample, std::span<const std::uint32_t> firsts, std::span<const Point> places,
-                      int times);
+                      double times);
 
 }  // namespace pointfair

@@ -26,6 +26,7 @@ inline void add(Counts& counts, unsigned char outcome) {
   counts.unmoved.too_few_neighbors += (outcome & point::kTooFew) != 0;
   counts.unmoved.no_normal += (outcome & point::kNoNormal) != 0;
   counts.short_neighborhoods += (outcome & point::kShort) != 0;
+  counts.copies += (outcome & point::kIsCopy) != 0;
 }
 
 // Counts the copies, and each for the reasons of its first; `tell` writes the outcomes of the points.

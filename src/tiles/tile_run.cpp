@@ -83,8 +83,10 @@ class Engine {
       backend.download(0, worker.results, {}, {});
       worker.outcomes.resize(worker.points.size());
       backend.exactness()->outcomes(without_border(worker.loaded, run_.stages.copies), worker.outcomes);
-      for (const Copy& copy : worker.copies)
-        if (!copy.is_sure) worker.outcomes[copy.point] = 0;
+      for (const Copy& copy : worker.copies) {
+        unsigned char& outcome = worker.outcomes[copy.point];
+        outcome = copy.is_sure ? outcome | point::kIsCopy : 0;
+      }
       if (run_.result == TileRun::Result::normals) backend.download_normals(0, worker.results, {});
       worker.note_costs();
     });
@@ -120,14 +122,10 @@ class Engine {
       run_.store.keep(numbers.subspan(first, last - first), worker.results.subspan(first, last - first),
                       std::span(worker.outcomes).subspan(first, last - first));
     });
-    Counts of_copies;
-    for (const Copy& copy : worker.copies)
-      of_copies.copies += copy.point < numbers.size() && worker.outcomes[copy.point] != 0;
     Indices all;
     for (const Indices& some : left) all.insert(all.end(), some.begin(), some.end());
     const std::lock_guard lock(mutex_);
     for (const Counts& some : counts) add(counts_, some);
-    add(counts_, of_copies);
     return all;
   }
 
@@ -210,9 +208,11 @@ void TileWorker::finish_upload() {
 
 void TileWorker::set_aside(const CopyRule& rule) {
   copies.clear();
-  if (!rule.any()) return;
+  if (!rule.any() && known_copies.empty()) return;
   finish_upload();
-  backend->sampling().for_each_on_host(1, [&](std::size_t) { copies = copies_among(points, rule, loaded); });
+  backend->sampling().for_each_on_host(1, [&](std::size_t) {
+    copies = known_copies.empty() ? copies_among(points, rule, loaded) : copies_at_one_place(points, known_copies);
+  });
   backend->set_aside(copies);
 }
 

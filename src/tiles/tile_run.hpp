@@ -41,6 +41,7 @@ struct TileWorker {
   // What a store loads.
   Indices numbers;  // of the first of the points; the others only lie around them
   std::span<const Point> points;
+  Indices known_copies;  // of these, from the iteration before, ascending; each is where the point is that it follows
   std::span<Point> results;  // room for theirs, which may be where they are
   bool overlaps = false;     // whether the points stay until finish_upload(): stages may begin before all are copied
 
@@ -61,7 +62,7 @@ struct TileWorker {
   std::vector<unsigned char> outcomes;
   std::vector<Copy> copies;  // among the points
 
-  // Finds the copies and sets them aside, of points that were uploaded.
+  // Sets the copies aside, of points that were uploaded: those that are known, or those that the rule finds.
   void set_aside(const CopyRule& rule);
 };
 

@@ -32,6 +32,14 @@ def lattice(side):
             if 0 in (x, y, z) or side - 1 in (x, y, z)]
 
 
+def in_feet_and_back(point):
+    """As another program has it that keeps floats: most coordinates are the same, others one bit off."""
+    def single(value):
+        return struct.unpack("<f", struct.pack("<f", value))[0]
+    foot = single(.3048)
+    return tuple(single(single(single(value) / foot) * foot) for value in point)
+
+
 def clouds():
     noisy = sphere_points(12000, 0.01)
     generator = random.Random(3)
@@ -44,6 +52,8 @@ def clouds():
         doubled[i] = (NAN, doubled[i][1], 2.0)
     doubled[7] = (1e25, 0.0, 0.0)
     yield "duplicates and NaN", doubled, "float"
+    yield "a part twice", noisy + noisy[:3000], "float"
+    yield "twice, rounded otherwise", noisy + [in_feet_and_back(p) for p in noisy], "float"
     yield "planes", lattice(40), "float"
     yield "a stray point", noisy + [(40.0, -3.0, 8.0)], "float"
     uneven = noisy[:6000] + [(p[0] * 0.02 + 1, p[1] * 0.02, p[2] * 0.02) for p in noisy[6000:]]
