@@ -260,6 +260,8 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
     const double spacing = 0.25;
     std::vector<Position> points = towns(spacings * spacing, spacing);
     points[7] = {std::numeric_limits<double>::quiet_NaN(), 5.4e6, 100};
+    if (spacings == 1e6)  // a part is there twice
+      for (std::size_t i = 0; i < 900; ++i) points.push_back(points[3 * i]);
     std::shuffle(points.begin(), points.end(), std::mt19937(4));
     for (const char* const extension : {".ply", ".las"}) {
       SCOPED_TRACE(std::to_string(spacings) + extension);

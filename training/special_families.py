@@ -87,6 +87,22 @@ def copies_rounded(rng: Random) -> Drawn:
 
 
 @family("special")
+def copies_of_part(rng: Random) -> Drawn:
+    """Two tiles that overlap: what lies in both, 5 to 45 % of the points, is there twice, in half of the clouds in feet and back."""
+    drawn = _any_scan(rng)
+    points = drawn.rows.points
+    across = points @ unit(np.append(rng.normal(size=2), 0))
+    width, begin = rng.uniform(.05, .45), rng.uniform(0, .5)
+    twice = np.flatnonzero((across >= np.quantile(across, begin)) & (across <= np.quantile(across, begin + width)))
+    same = np.concatenate([np.arange(len(points)), twice])
+    rows = drawn.rows.take(same)
+    if rng.random() < .5:
+        foot = np.float32(.3048)
+        rows.points[len(points):] = rows.points[len(points):].astype(np.float32) / foot * foot
+    return Drawn(drawn.scene, rows, drawn.settings | {"width": width}, same, has_sensor=drawn.has_sensor, keep_axes=True)
+
+
+@family("special")
 def two_roundings(rng: Random) -> Drawn:
     """One scan exported twice, rounded to two steps below its noise."""
     drawn = _any_scan(rng)

@@ -89,7 +89,7 @@ struct Report {
   Params params;
   UnmovedCounts unmoved;
   std::uint64_t short_neighborhoods = 0;  ///< points whose constrained neighbourhood has fewer than k neighbours
-  /// Points that repeat another one, exactly or nearly, in a cloud of which most do: they count for nothing
+  /// Points that repeat another one, exactly or nearly, if eight of 500 samples do: they count for nothing
   /// and got the result of that one, which brings them together. 0 where no parameter follows the noise.
   std::uint64_t copies = 0;
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.

@@ -23,11 +23,17 @@ inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for
 
 // Points that are no measurements of their own.
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
-inline constexpr int kMostCopies = 2;          // times the points at one place; of more repeats, noise is shared; 141
-inline constexpr double kEvenDistances = 0.4;  // of squared distance over rank; chance is 0.69; 141
-inline constexpr double kLeastJump = 5;        // from the last copy to the next point; of lines 1.8; 141
-inline constexpr double kWithinCopies = 2;     // distances to the last copy, at most samples; 141
-inline constexpr double kStepsOfChance = 2;    // of coordinates, to the next place; copies by chance have 1; 141
+inline constexpr int kMostCopies = 2;            // times the points at one place; of more repeats, noise is shared; 141
+inline constexpr double kEvenDistances = 0.4;    // of squared distance over rank; chance is 0.69; 141
+inline constexpr double kBeyondCopies = 3;       // distances to copies, in which few others lie; 141
+inline constexpr double kFewOthers = 0.7;        // of the copies; on lines there are 2, by chance 8; 141
+inline constexpr std::size_t kFewestCopies = 8;  // samples that have some; 141
+inline constexpr double kFullRows = 0.05;        // of the samples may have more points in that distance; 141
+inline constexpr double kNearlyAll = 0.98;       // of the copies; 141
+inline constexpr double kWithinCopies = 2;    // distances to nearly all copies; 141
+inline constexpr double kSurelyCopies = 0.01;    // spacings; farther copies are less apart than the noise; 141
+inline constexpr double kStepsOfChance = 2;      // of coordinates, within which chance brings 12 times the copies; 141
+inline constexpr std::size_t kMostOfSteps = 2;   // times the copies; of more points there, copies are chance; 141
 inline constexpr std::size_t kThinnedSamples = 2000;  // whose rows are long; 141
 
 // Rows of points that share an error.

@@ -400,4 +400,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   return result;
 }
 
+bool share_an_error(const CopiesFound& copies, const Noise& noise) {
+  return copies.within <= kWithinCopies * std::max(noise.sigma, kSurelyCopies * noise.surface_spacing);
+}
+
 }  // namespace pointfair

@@ -77,4 +77,8 @@ struct Estimate {
 // first iteration. Throws Error(interrupted) once `stop` is triggered.
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop);
 
+// Whether copies share the error of the point that they repeat: they lie nearer to it than the noise is large, as it
+// was measured without them. Else they are measurements of their own, as those of a scan that was repeated.
+bool share_an_error(const CopiesFound& copies, const Noise& noise);
+
 }  // namespace pointfair

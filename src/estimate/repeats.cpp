@@ -206,16 +206,60 @@ int first_even(const std::vector<double>& by_rank) {
   return rank;
 }
 
-// The least difference of a coordinate that is not 0 in a row, and the distance to the nearest other place; kEndless:
-// none.
-std::pair<double, double> least_steps(std::span<const Point> row) {
-  double step = kEndless, distance = kEndless;
-  for (const Offset& o : offsets_of(row)) {
-    for (const double along : {o.x, o.y, o.z})
-      if (along != 0) step = std::min(step, std::abs(along));
-    if (const double length = point::length(o); length > 0) distance = std::min(distance, length);
+std::size_t count_up_to(const std::vector<double>& sorted, double most) {
+  return std::size_t(std::ranges::upper_bound(sorted, most) - sorted.begin());
+}
+
+// Squared distances to the neighbours of the ranks from `first` to `last`, of rows that have so many.
+std::vector<double> squared_distances(std::span<const Point> rows, int neighbors, int first, int last) {
+  const std::size_t row = std::size_t(neighbors) + 1;
+  std::vector<double> squared;
+  for (std::size_t at = 0; at < rows.size(); at += row) {
+    if (std::isnan(rows[at + row - 1].x)) continue;
+    for (int k = first; k <= last; ++k)
+      squared.push_back(point::squared_length(point::offset_between(rows[at], rows[at + std::size_t(k)])));
   }
-  return {step, distance};
+  std::ranges::sort(squared);
+  return squared;
+}
+
+// How far nearly all copies lie off at most, 0 where they are at one place; negative: there are none. Copies are the
+// points up to the greatest distance beyond which, up to kBeyondCopies times it, few others lie: of points there by
+// chance, kChanceBeyond times as many would. Distances count so far that most rows hold all within kBeyondCopies times
+// them.
+double width_of_copies(std::span<const Point> rows, int neighbors) {
+  constexpr double kBeyond = kBeyondCopies * kBeyondCopies, kChanceBeyond = kBeyond - 1;  // on a surface
+  const std::vector<double> nearest = squared_distances(rows, neighbors, 1, 1);
+  if (nearest.size() < kFewestCopies) return -1;
+  const double least = nearest[kFewestCopies - 1],
+               most = quantile(squared_distances(rows, neighbors, neighbors, neighbors), kFullRows) / kBeyond;
+  if (!(least < most)) return -1;
+  const auto others_beyond = [&](const std::vector<double>& squared, double width) {
+    return double(count_up_to(squared, kBeyond * width) - count_up_to(squared, width));
+  };
+  // if few neighbours lie beyond, few nearest ones do, which are fewer to look at
+  if (std::ranges::none_of(nearest, [&](double width) {
+        return width >= least && width <= most &&
+               others_beyond(nearest, width) <= kFewOthers * neighbors * double(count_up_to(nearest, width));
+      }))
+    return -1;
+  const std::vector<double> all = squared_distances(rows, neighbors, 1, neighbors);
+  for (std::size_t within = count_up_to(all, most); within > 0 && all[within - 1] >= least; --within) {
+    const double others = others_beyond(all, all[within - 1]);
+    if (others <= kFewOthers * double(within))
+      return std::sqrt(all[std::size_t(kNearlyAll * (double(within) - others / kChanceBeyond))]);
+  }
+  return -1;
+}
+
+// Of the places of a row that are no copies: the least difference of a coordinate; kEndless: none.
+double least_step(std::span<const Offset> offsets, double within) {
+  double step = kEndless;
+  for (const Offset& o : offsets)
+    if (point::length(o) > within)
+      for (const double along : {o.x, o.y, o.z})
+        if (std::abs(along) > within) step = std::min(step, std::abs(along));
+  return step;
 }
 
 }  // namespace
@@ -223,29 +267,32 @@ std::pair<double, double> least_steps(std::span<const Point> row) {
 CopiesFound copies_at_samples(const NearestRows& nearest) {
   constexpr int kHead = kMostRepeats + 1;
   static_assert(kHead < point::kHeadRow);
-  if (!are_uneven(nearest.of(nearest.looked_at(), kHead), kHead)) return {};
+  const double width = width_of_copies(nearest.of(nearest.looked_at(), kHead), kHead);
+  if (width < 0) return {};
+  const double within = kWithinCopies * width;
   constexpr std::size_t kRow = kRepeatNeighbors + 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
-  const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
-  if (by_rank.empty()) return {};
-  CopiesFound found;
-  double greatest = kLeastJump;  // of the distance from one rank to the next
-  for (int k = 1; k < kMostRepeats; ++k) {
-    const double here = std::sqrt(by_rank[std::size_t(k) - 1] * k), next = std::sqrt(by_rank[std::size_t(k)] * (k + 1));
-    const double jump = here > 0 ? next / here : next > 0 ? kEndless : 1;
-    if (jump < greatest) continue;
-    greatest = jump;
-    found = {k + 1, kWithinCopies * here};
-  }
-  if (found.within < 0) return {};
-  std::vector<double> steps, distances;
+  std::vector<std::vector<Offset>> full;
+  std::vector<double> steps;
   for (std::size_t first = 0; first < rows.size(); first += kRow) {
-    if (std::isnan(rows[first].x)) continue;
-    const auto [step, distance] = least_steps(std::span(rows).subspan(first, kRow));
-    steps.push_back(step);
-    distances.push_back(distance);
+    if (std::isnan(rows[first + kRow - 1].x)) continue;
+    full.push_back(offsets_of(std::span(rows).subspan(first, kRow)));
+    steps.push_back(least_step(full.back(), within));
   }
-  return median(distances) < kStepsOfChance * median(steps) ? CopiesFound{} : found;
+  if (full.empty()) return {};
+  const double by_chance = std::max(within, kStepsOfChance * median(std::move(steps)));
+  double measurements = 0;  // that the samples are, and so many points
+  std::size_t copies = 0, within_steps = 0;
+  for (const std::vector<Offset>& offsets : full) {
+    const auto count = [&](double distance) {
+      return std::size_t(std::ranges::count_if(offsets, [&](const Offset& o) { return point::length(o) <= distance; }));
+    };
+    measurements += 1 / double(count(within));
+    copies += count(within) - 1;
+    within_steps += count(by_chance) - 1;
+  }
+  if (within_steps > kMostOfSteps * copies) return {};
+  return {double(full.size()) / measurements, within};
 }
 
 Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {

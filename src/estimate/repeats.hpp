@@ -13,13 +13,13 @@ struct Repeats {
   int copies = 1;  // of these, at exactly one place
 };
 
-// Copies that most samples have: so many points at a place, up to a distance that is far below the next one.
+// Copies that some samples have, up to a distance that is far below the next one.
 struct CopiesFound {
-  int points = 1;
+  double points = 1;   // for one measurement, over the cloud
   double within = -1;  // negative: there are none
 };
-// Asks for rows of eight, and for longer ones where these are uneven. Copies by chance, of coordinates that were
-// rounded as coarsely as points lie apart, are none.
+// Asks for the nearest points of rank 17, and for longer rows where some of these lie together. Copies by chance, of
+// coordinates that were rounded as coarsely as points lie apart, are none.
 CopiesFound copies_at_samples(const NearestRows& nearest);
 
 // Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where

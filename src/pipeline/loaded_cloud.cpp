@@ -76,10 +76,11 @@ void LoadedCloud::carry_over(const std::function<void()>& make) {
   cached = {};
 }
 
-void LoadedCloud::find_copies(const CopyRule& rule, int times) {
+void LoadedCloud::find_copies(const CopyRule& rule, double times, const std::stop_token& stop) {
   std::vector<Point> points(points_);
   backend().download_input(points);
-  backend().sampling().for_each_on_host(1, [&](std::size_t) { copies_ = copies_among(points, rule, kEverywhere); });
+  backend().sampling().for_each_on_host(1,
+                                        [&](std::size_t) { copies_ = copies_among(points, rule, kEverywhere, stop); });
   std::vector<std::uint32_t> firsts;
   std::vector<Point> places;
   for (const std::uint32_t index : sample->indices) {

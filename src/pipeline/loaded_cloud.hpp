@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <stop_token>
 #include <vector>
 
 #include "estimate/estimate.hpp"
@@ -60,7 +61,7 @@ class LoadedCloud {
   std::uint64_t points() const { return points_; }
 
   // Finds the copies by the rule, and the sample of the cloud without them; `times` as CopiesFound::points.
-  void find_copies(const CopyRule& rule, int times);
+  void find_copies(const CopyRule& rule, double times, const std::stop_token& stop);
   // Of a mesh over the points.
   void keep_seams(std::vector<Copy> seams) { seams_ = std::move(seams); }
   // What was found or kept before; nothing is cached after a change.

@@ -49,12 +49,18 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
       cloud.copies = CopiesFound{};
     } else {
       const auto start = Clock::now();
-      cloud.find_copies({found.copies.within, frame().corner}, found.copies.points);
+      cloud.find_copies({found.copies.within, frame().corner}, found.copies.points, stop);
       log_.note("estimate", milliseconds_since(start));
       cloud.copies = found.copies;
       set_aside(Aside::copies);
       wanted.spacing = with_spacing;
       look_at_neighbors(order, stop, look);
+      if (!share_an_error(*cloud.copies, found.noise)) {
+        cloud.copies = CopiesFound{};
+        set_aside(Aside::nothing);
+        wanted.spacing = with_spacing && !cloud.spacing;
+        look_at_neighbors(order, stop, look);
+      }
     }
   }
   if (wanted.spacing) spacing(with_noise) = found.spacing;

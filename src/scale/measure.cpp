@@ -45,16 +45,17 @@ class StoredSampling final : public Sampling, private PointStore {
     return sample;
   }
 
-  // From now on rows have no copies. Returns the sample where each place counts once.
-  CloudSample set_aside(const CopyRule& rule, const CloudSample& sample, int times) {
-    copies_ = rule;
+  // From now on rows have no copies by this rule.
+  void set_aside(const CopyRule& rule) { copies_ = rule; }
+  // The sample where each place counts once.
+  CloudSample once_each(const CloudSample& sample, double times) {
     std::vector<Point> places = sample.points;
     if (!cloud_.zones().are_several()) {  // else places are relative to the cloud's origin, and rows are not
       std::vector<Point> rows(2 * places.size());
       sample_neighborhoods(sample.indices, 1, rows);
       for (std::size_t i = 0; i < places.size(); ++i) places[i] = rows[2 * i];
     }
-    return once_each(sample, sample.indices, places, times);
+    return pointfair::once_each(sample, sample.indices, places, times);
   }
 
   // Queries are indices in the sample.
@@ -189,11 +190,19 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
   const Frame frame = frame_of(sample);
   if (sums_within_radius(plan.params)) measured.frame = frame;
   Estimate found = estimate(sampling, sample, wanted, stop);
-  if (found.copies.within >= 0) {
-    measured.copies = {found.copies.within, frame.corner};
-    sample = sampling.set_aside(measured.copies, sample, found.copies.points);
+  if (const CopiesFound copies = found.copies; copies.within >= 0) {
+    measured.copies = {copies.within, frame.corner};
+    sampling.set_aside(measured.copies);
+    const CloudSample once = sampling.once_each(sample, copies.points);
     wanted.seeks_copies = false;
-    found = estimate(sampling, sample, wanted, stop);
+    found = estimate(sampling, once, wanted, stop);
+    if (!share_an_error(copies, found.noise)) {
+      measured.copies = {};
+      sampling.set_aside({});
+      found = estimate(sampling, sample, wanted, stop);
+    } else {
+      sample = once;
+    }
   }
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
