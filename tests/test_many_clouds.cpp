@@ -64,6 +64,21 @@ TEST(ManyClouds, that_contradict_themselves_are_refused) {
   EXPECT_FALSE(pipeline.runs_together(given(8)));
 }
 
+TEST(ManyClouds, that_are_refused_or_stopped_leave_what_was_loaded_or_nothing) {
+  const std::vector<Point> points = shapes::sphere(100);
+  const std::vector<std::uint64_t> offsets{0, 50, 100};
+  std::vector<Point> out(points.size());
+  Pipeline pipeline(Device::cpu);
+  pipeline.load(Cloud{.origin = {1000, 0, 0}, .points = points});
+  expect_error(ErrorKind::usage, "", [&] { pipeline.run(points, {.k = -5}, out); });
+  expect_error(ErrorKind::usage, "", [&] { pipeline.run_many(points, offsets, {.k = -5}, out); });
+  EXPECT_EQ(pipeline.run({}).origin[0], 1000);
+  std::stop_source stop;
+  stop.request_stop();
+  expect_error(ErrorKind::interrupted, "", [&] { pipeline.run_many(points, offsets, {}, out, stop.get_token()); });
+  EXPECT_EQ(pipeline.run({}).points.size(), 0u);
+}
+
 TEST(CudaManyClouds, have_the_bits_of_single_runs) {
   if (!test::why_no_card().empty()) GTEST_SKIP() << test::why_no_card();
   const std::vector<Params> kinds = kinds_of_params();

@@ -6,6 +6,7 @@
 #include <new>
 #include <utility>
 
+#include "io/source.hpp"
 #include "pipeline/devices.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/pipeline_access.hpp"
@@ -70,8 +71,8 @@ const FollowedNoise& PipelineAccess::followed_noise(const Pipeline& pipeline) { 
 
 void Pipeline::load(const Cloud& cloud) {
   with_one_kind_of_error([&] {
+    io::check_has_points_of_file(cloud);
     const std::vector<Position> viewpoints = file_viewpoints(cloud);
-    state_->shell = {};
     state_->load(cloud.points);
     state_->shell = Cloud{cloud.origin, {}, cloud.added, cloud.source};
     if (!viewpoints.empty()) state_->set_viewpoint(viewpoints);
@@ -92,15 +93,11 @@ void Pipeline::set_faces(Polygons faces) {
 }
 
 void Pipeline::load(std::span<const Point> points) {
-  with_one_kind_of_error([&] {
-    state_->shell = {};
-    state_->load(points);
-  });
+  with_one_kind_of_error([&] { state_->load(points); });
 }
 
 std::array<double, 3> Pipeline::load(const DevicePoints& points, DeviceStream stream) {
   return with_one_kind_of_error([&] {
-    state_->shell = {};
     state_->load(points, stream);
     return state_->shell.origin;
   });
@@ -146,10 +143,7 @@ void Pipeline::run(std::span<const Point> points, const Params& params, std::spa
   if (out.size() != points.size())
     throw Error(ErrorKind::usage, "the output holds " + std::to_string(out.size()) + " points, the cloud " +
                                       std::to_string(points.size()));
-  with_one_kind_of_error([&] {
-    state_->shell = {};
-    state_->load_and_run(points, in_units_of({}, params), out, stop, progress);
-  });
+  with_one_kind_of_error([&] { state_->load_and_run(points, in_units_of({}, params), out, stop, progress); });
 }
 
 void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream stream, std::stop_token stop,
@@ -162,18 +156,12 @@ void Pipeline::run(const Params& params, const DeviceOutput& out, DeviceStream s
 
 void Pipeline::run_many(std::span<const Point> points, std::span<const std::uint64_t> offsets, const Params& params,
                         std::span<Point> out, std::stop_token stop) {
-  with_one_kind_of_error([&] {
-    state_->shell = {};
-    state_->run_many(points, offsets, in_units_of({}, params), out, stop);
-  });
+  with_one_kind_of_error([&] { state_->run_many(points, offsets, in_units_of({}, params), out, stop); });
 }
 
 void Pipeline::run_many(const DevicePoints& points, DeviceStream stream, std::span<const std::uint64_t> offsets,
                         const Params& params, const DeviceOutput& out, std::stop_token stop) {
-  with_one_kind_of_error([&] {
-    state_->shell = {};
-    state_->run_many(points, stream, offsets, in_units_of({}, params), out, stop);
-  });
+  with_one_kind_of_error([&] { state_->run_many(points, stream, offsets, in_units_of({}, params), out, stop); });
 }
 
 bool Pipeline::runs_together(const Params& params) const {

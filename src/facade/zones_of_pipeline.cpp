@@ -81,7 +81,8 @@ void Pipeline::State::run_for_normals(const std::stop_token& stop) {
   const Report of_zones = report;
   std::vector<std::uint8_t> marks = outliers;
   std::vector<Point> unused(cloud.points());
-  run(*std::exchange(wide_run, std::nullopt), unused, stop, {});
+  run(*wide_run, unused, stop, {});
+  wide_run.reset();
   report = of_zones;
   outliers = std::move(marks);
 }

@@ -144,9 +144,17 @@ void Pipeline::State::run_groups(const std::vector<Group>& groups, std::size_t w
     helpers_.clear();
     std::rethrow_exception(error);
   }
-  for (const std::size_t one : left_over) run_alone(one, true);
-  for (const Group& group : groups)
-    if (!group.together) run_alone(group.first, false);
+  try {
+    for (const std::size_t one : left_over) run_alone(one, true);
+    for (const Group& group : groups)
+      if (!group.together) run_alone(group.first, false);
+  } catch (...) {
+    try {
+      load({});
+    } catch (const Error&) {  // a lost card: what is told is what came first
+    }
+    throw;
+  }
   load({});
 }
 

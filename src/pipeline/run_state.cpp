@@ -29,6 +29,7 @@ void Pipeline::State::load(const DevicePoints& points, DeviceStream stream) {
 }
 
 void Pipeline::State::start_load(const std::function<void()>& load) {
+  shell = {};
   wide.reset();
   wide_viewpoints.clear();
   wide_run.reset();
