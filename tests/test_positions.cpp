@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <random>
 
 #include "io_files.h"
+#include "pointfair/normals.hpp"
 #include "pointfair/positions.hpp"
 
 namespace pointfair::test {
@@ -208,6 +210,29 @@ TEST(Positions, ArraysOfAnotherSizeAreRefused) {
   EXPECT_EQ(thrown_by([&] { positions(cloud, out); }).kind, ErrorKind::usage);
   EXPECT_EQ(thrown_by([&] { set_positions(cloud, out); }).kind, ErrorKind::usage);
   EXPECT_EQ(thrown_by([&] { move_positions(cloud, cloud.points, out); }).kind, ErrorKind::usage);
+}
+
+// Points that were left out by hand are not told from those that stay.
+TEST(Positions, OfACloudWithoutAllPointsOfItsFileAreRefused) {
+  const Cloud file = parse(ply_of(random_positions(100, {}, 1)));
+  for (const std::size_t count : {10u, 99u, 101u}) {
+    Cloud cloud = file;
+    cloud.points.resize(count);
+    std::vector<Position> out(count);
+    const std::vector<Point> normals(count, Point{0, 0, 1});
+    Pipeline pipeline(Device::cpu);
+    for (const std::function<void()>& call : std::vector<std::function<void()>>{
+             [&] { positions(cloud, out); },
+             [&] { set_positions(cloud, out); },
+             [&] { without_points(cloud, std::vector<std::uint8_t>(count, 0)); },
+             [&] { attribute(cloud, "number"); },
+             [&] { set_normals(cloud, normals); },
+             [&] { pipeline.load(cloud); },
+             [&] { write_bytes(cloud, Format::ply); },
+         })
+      expect_error(ErrorKind::usage, "its file 100; keep them all", call);
+    EXPECT_EQ(cloud.points.size(), count);
+  }
 }
 
 }  // namespace pointfair::test

@@ -85,6 +85,7 @@ void positions(const Cloud& cloud, std::span<Position> out) {
     });
     return;
   }
+  io::check_has_points_of_file(cloud);
   const io::Edits edits{cloud, {}, {}, {}};
   io::for_each_block(cloud.source->block_count(), [&](std::size_t block) {
     const Moves moves = cloud.source->moves(block, edits);

@@ -66,6 +66,7 @@ Attribute attribute(const Cloud& cloud, std::string_view name) {
 }
 
 std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std::string> names) {
+  if (!cloud.points.empty()) io::check_has_points_of_file(cloud);
   const std::vector<io::Column> columns = cloud.source ? cloud.source->columns() : std::vector<io::Column>{};
   constexpr std::size_t kAdded = static_cast<std::size_t>(-1);
   std::vector<Attribute> result(names.size());

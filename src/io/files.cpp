@@ -19,9 +19,7 @@ namespace {
 
 void check(const Cloud& cloud) {
   if (cloud.points.empty()) refuse("the cloud has no points, so there is nothing to write");
-  if (cloud.source && cloud.source->size() != cloud.points.size())
-    refuse("the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
-           std::to_string(cloud.source->size()) + "; keep them all, or write without the source");
+  io::check_has_points_of_file(cloud);
   for (const Attribute& added : cloud.added) {
     if (added.components == 0 || added.data.size() != cloud.points.size() * added.components * size_of(added.type))
       refuse("the attribute '" + added.name + "' does not have one value for each point");

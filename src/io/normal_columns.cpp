@@ -136,6 +136,7 @@ void set_normals(Cloud& cloud, std::span<const Point> normals, std::span<const P
   if (normals.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, but there are " +
                                       std::to_string(normals.size()) + " normals; give one for each point");
+  io::check_has_points_of_file(cloud);
   const std::vector<std::string> names = normal_attributes(cloud);
   Holder holder(cloud, names);
   const Outward outward(cloud);

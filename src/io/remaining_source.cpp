@@ -151,6 +151,7 @@ Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed) 
   if (removed.size() != cloud.points.size())
     throw Error(ErrorKind::usage, "without_points: there are " + std::to_string(removed.size()) +
                                       " values, and the cloud has " + std::to_string(cloud.points.size()) + " points");
+  io::check_has_points_of_file(cloud);
   Cloud result{.origin = cloud.origin};
   for (std::size_t i = 0; i < removed.size(); ++i)
     if (removed[i] == 0) result.points.push_back(cloud.points[i]);

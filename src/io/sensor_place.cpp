@@ -86,6 +86,7 @@ std::vector<Position> file_viewpoints(const Cloud& cloud) {
   if (!cloud.source) return {};
   const Source& source = *cloud.source;
   if (const std::optional<Position> one = io::common_sensor(source)) return {*one};
+  io::check_has_points_of_file(cloud);
   std::vector<Position> places;
   for (std::size_t block = 0; block < source.block_count(); ++block) {
     const std::optional<Position> its = source.sensor(block);
@@ -103,6 +104,7 @@ std::vector<Position> parse_viewpoints(std::string_view text, const Cloud& cloud
   if (text == "none") return {};
   if (const std::optional<Position> one = io::named_place(text)) return {*one};
   const Words words = words_of(text);
+  io::check_has_points_of_file(cloud);
   std::vector<Position> places(cloud.points.size());
   for (std::size_t axis = 0; axis < words.size(); ++axis) read_axis(text, words[axis], cloud, axis, places);
   return places;

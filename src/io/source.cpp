@@ -199,6 +199,13 @@ void io::check_not_geographic(const Source& source) {
          "with filters.reprojection of PDAL for instance");
 }
 
+void io::check_has_points_of_file(const Cloud& cloud) {
+  if (!cloud.source || cloud.source->size() == cloud.points.size()) return;
+  throw Error(ErrorKind::usage, "the cloud has " + std::to_string(cloud.points.size()) + " points, its file " +
+                                    std::to_string(cloud.source->size()) +
+                                    "; keep them all, leave some out by without_points(), or go on without the source");
+}
+
 void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
   out.write(header(edits.added));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {

@@ -181,6 +181,8 @@ namespace io {
 
 /// Throws Error(file) if the file says that X and Y are longitude and latitude.
 void check_not_geographic(const Source& source);
+/// That a cloud still has the points of its file, by number: what is stored beside them is told by it.
+void check_has_points_of_file(const Cloud& cloud);
 
 }  // namespace io
 }  // namespace pointfair
