@@ -2,6 +2,7 @@
 """The bytes of a ROS PointCloud2 message, without ROS: positions in, moved positions back into a copy of the bytes."""
 from __future__ import annotations
 
+from array import array
 from typing import Any, Protocol, Sequence
 
 import numpy as np
@@ -53,9 +54,10 @@ def positions(message: Message) -> NDArray[Any]:
     return np.stack([view.reshape(-1) for view in _coordinates(message, message.data)], axis=1)
 
 
-def with_positions(message: Message, moved: NDArray[Any]) -> bytes:
-    """A copy of the message's bytes with these positions; all else stays."""
-    data = bytearray(message.data)
+def with_positions(message: Message, moved: NDArray[Any]) -> array[int]:
+    """A copy of the message's bytes with these positions; all else stays. rclpy takes an array as it is, and looks at each
+    byte of anything else."""
+    data = array("B", message.data)
     for view, values in zip(_coordinates(message, data), moved.T):
         view[...] = values.reshape(view.shape)
-    return bytes(data)
+    return data
