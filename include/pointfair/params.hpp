@@ -214,7 +214,9 @@ inline constexpr std::array kParams = {
     ParamInfo{"iterations", Stage::iterations, &Params::iterations, 1, 100, true, "",
               "how often all stages run, each time on the moved points"},
     ParamInfo{"displacement_limit", Stage::iterations, &Params::displacement_limit, 0, 1e30, true, "",
-              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 6 times the noise", true},
+              "soft bound on how far a point moves: d > limit becomes limit^2 / d; auto: 10 times the noise, "
+              "without its levels 1.5 to 4 times",
+              true},
     ParamInfo{"tangential", Stage::iterations, &Params::tangential, 0, 1, true, "",
               "with --connectivity mesh: how far vertices even out along the surface after the last iteration, which "
               "removes the noise along it and unfolds faces; 0: all stay where the method puts them",

@@ -9,9 +9,10 @@
 namespace pointfair {
 namespace {
 
-constexpr double kCoreShare = 0.7;         // of a tile's points; the rest is halo
-constexpr std::uint64_t kFirstTiles = 4;   // of a cloud that does not fit
-constexpr std::uint64_t kTilesOfCard = 8;  // of several: while cards wait for the last tile, few points are left
+constexpr double kCoreShare = 0.7;          // of a tile's points; the rest is halo
+constexpr std::uint64_t kFirstTiles = 4;    // of a cloud that does not fit
+constexpr std::uint64_t kBytesOfNet = 760;  // a point, in all; docs/benchmarks.md
+constexpr std::uint64_t kTilesOfCard = 8;   // of several: while cards wait for the last tile, few points are left
 
 }  // namespace
 
@@ -22,7 +23,8 @@ std::uint64_t bytes_of_tile_point(const Params& params) {
 
 std::uint64_t bytes_in_memory(std::uint64_t points, const Params& params, Device::Kind device) {
   constexpr std::uint64_t kBesideCard = 64;
-  return points * (device == Device::cuda ? kBesideCard : bytes_of_tile_point(params) + 2 * sizeof(Point));
+  if (device == Device::cuda) return points * kBesideCard;
+  return points * (params.method == Method::learned ? kBytesOfNet : bytes_of_tile_point(params) + 2 * sizeof(Point));
 }
 
 bool needs_tiles(std::uint64_t points, const Params& params, Device::Kind device, const HostMemory& memory) {
