@@ -29,7 +29,8 @@ inline constexpr std::uint64_t kMaxPoints = 2'147'483'632;
 using ProgressFunction = std::function<void(double share, std::string_view stage)>;
 
 /// Holds one cloud on one device together with the results of all stages, so that a run repeats only the stages whose
-/// parameters changed. One thread at a time may use it. Memory on the CPU: at most 162 + 8k bytes a point, 760 with Method::learned.
+/// parameters changed. One thread at a time may use it. Memory on the CPU: at most 162 + 8k bytes a point, 760 with
+/// Method::learned.
 ///
 /// Floats are relative to the cloud's one origin (Estimates::float_step says how finely they step). A Cloud that is too
 /// wide for that is computed in zones, each around its own origin, with the bits of a TiledRun (docs/scale.md).
