@@ -141,6 +141,15 @@ class Tile final : public Denoising, private PointStore {
     return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
   }
 
+  double load_nearest(const Point& to, TileWorker& worker) override {
+    loaded_.clear();
+    const double known = seen_->append_nearest(to, work_.most_points, loaded_);
+    worker.numbers.clear();
+    worker.known_copies.clear();
+    worker.points = worker.results = loaded_;
+    return known;
+  }
+
   void keep(std::span<const std::uint32_t> numbers, std::span<const Point> results,
             std::span<const unsigned char> outcomes) override {
     for (std::size_t i = 0; i < numbers.size(); ++i)

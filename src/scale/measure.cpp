@@ -20,8 +20,6 @@
 namespace pointfair::scale {
 namespace {
 
-bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
-
 // The calls of Sampling over stored points: the sample by passing over all of them, and what lies around its points by
 // loading the regions around them.
 class StoredSampling final : public Sampling, private PointStore {
@@ -153,6 +151,12 @@ class StoredSampling final : public Sampling, private PointStore {
     }
     worker.points = loaded_;
     return fits;
+  }
+  double load_nearest(const Point& to, TileWorker& worker) override {
+    loaded_.clear();
+    const double known = seen_->append_nearest(to, most_ / 2, loaded_);  // beside the leaves that are kept
+    worker.points = loaded_;
+    return known;
   }
   Error does_not_fit(std::size_t) const override {
     return {ErrorKind::memory,

@@ -2,6 +2,7 @@
 #include "scale/stored_cloud.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <iterator>
 #include <limits>
 #include <map>
@@ -12,6 +13,14 @@ namespace pointfair::scale {
 namespace {
 
 constexpr LeafRange kAll{0, std::numeric_limits<std::uint32_t>::max()};
+
+// From the box of some points.
+double distance(const Bounds& from, const Point& to) {
+  const auto outside = [](double low, double high, double value) { return std::max({low - value, value - high, 0.0}); };
+  const double x = outside(from.min.x, from.max.x, to.x), y = outside(from.min.y, from.max.y, to.y),
+               z = outside(from.min.z, from.max.z, to.z);
+  return std::sqrt(x * x + y * y + z * z);
+}
 
 }  // namespace
 
@@ -160,6 +169,14 @@ void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
   });
 }
 
+template <class Take>
+void StoredCloud::append_piece(const Piece& piece, std::vector<Point>& points, const Take& take) const {
+  std::vector<Point> some(piece.count - piece.copies);
+  piece.file.positions(piece.first, some);
+  bring(piece.leaf, some);
+  std::copy_if(some.begin(), some.end(), std::back_inserter(points), take);
+}
+
 bool StoredCloud::append(const point::Region& region, const LeafRange& except, std::size_t most,
                          std::vector<Point>& points) const {
   std::vector<std::uint8_t> wanted(leaf_bounds_.size(), 0);  // 2: all of it
@@ -172,17 +189,36 @@ bool StoredCloud::append(const point::Region& region, const LeafRange& except, s
   }
   if (certain > most) return false;
   points.reserve(certain + certain / 4);
-  std::vector<Point> some;
   const auto is_wanted = [&](std::uint32_t leaf) { return wanted[leaf] != 0; };
   for_pieces(kAll, is_wanted, [&](const Piece& piece) {
-    some.resize(piece.count - piece.copies);
-    piece.file.positions(piece.first, some);
-    bring(piece.leaf, some);
-    std::copy_if(some.begin(), some.end(), std::back_inserter(points),
+    append_piece(piece, points,
                  [&](const Point& p) { return wanted[piece.leaf] == 2 || point::is_inside(region, to_vec3(p)); });
     return points.size() <= most;
   });
   return points.size() <= most;
+}
+
+double StoredCloud::append_nearest(const Point& to, std::size_t most, std::vector<Point>& points) const {
+  constexpr std::size_t kEnough = 32;  // leaves: more of them bring hardly any that are as near
+  std::vector<std::pair<double, std::uint32_t>> by_distance;
+  for (std::uint32_t leaf = 0; leaf < leaf_bounds_.size(); ++leaf)
+    if (const Bounds& its = leaf_bounds_[leaf]; its.valid > 0) by_distance.emplace_back(distance(its, to), leaf);
+  std::ranges::sort(by_distance);
+  std::vector<bool> is_wanted(leaf_bounds_.size());
+  std::size_t taken = 0, count = 0;
+  for (; taken < std::min(kEnough, by_distance.size()); ++taken) {
+    const std::uint32_t leaf = by_distance[taken].second;
+    count += leaf_bounds_[leaf].valid - copies_of(leaf);
+    if (count > most) break;
+    is_wanted[leaf] = true;
+  }
+  for_pieces(
+      kAll, [&](std::uint32_t leaf) { return is_wanted[leaf]; },
+      [&](const Piece& piece) {
+        append_piece(piece, points, is_indexed);
+        return true;
+      });
+  return taken < by_distance.size() ? by_distance[taken].first : double(kUnbounded);
 }
 
 void StoredCloud::for_all(const std::function<void(std::span<const Point>)>& visit) const {

@@ -23,10 +23,6 @@ struct Entry {
   std::uint32_t order, point;
 };
 
-// Times the rule's distance: what decides whether a point is a copy lies so near. Of the firsts around it, within one
-// of these, each cube has to be known, which reaches as far as its diagonal.
-constexpr double kDecidedWithin = 1.9;
-
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
 std::uint64_t cell_at(double x, double y, double z) {
@@ -165,7 +161,7 @@ const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
 point::Region without_border(point::Region region, const CopyRule& rule) {
   if (!(rule.within > 0)) return region;
   const auto inwards = [&](float end, int sign) {
-    return std::nextafter(float(end + sign * kDecidedWithin * rule.within), float(sign) * kUnbounded);
+    return std::nextafter(float(end + sign * reach_of_decision(rule)), float(sign) * kUnbounded);
   };
   return {{inwards(region.min.x, 1), inwards(region.min.y, 1), inwards(region.min.z, 1)},
           {inwards(region.max.x, -1), inwards(region.max.y, -1), inwards(region.max.z, -1)}};

@@ -22,6 +22,10 @@ struct Copy {
   bool is_sure = true;
 };
 
+// How far around a point what lies there decides whether it is a copy, and of which: of the firsts around it, within
+// the rule's distance, each cube has to be known, which reaches as far as its diagonal.
+inline double reach_of_decision(const CopyRule& rule) { return rule.within > 0 ? 1.9 * rule.within : 0; }
+
 // The region without the border in which a point may be a copy of one that is not loaded.
 point::Region without_border(point::Region region, const CopyRule& rule);
 

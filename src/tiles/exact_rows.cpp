@@ -5,6 +5,7 @@
 #include <deque>
 #include <utility>
 
+#include "seam/exactness.hpp"
 #include "seam/sampling.hpp"
 
 namespace pointfair {
@@ -23,7 +24,10 @@ void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::siz
     worker.finish_upload();
     worker.loaded = region_around(store.bounds(), bounds, its_halo);
     if (!store.load(worker.loaded, worker)) {
-      if (asked.size() == 1) throw store.does_not_fit(asked.front());
+      if (asked.size() == 1) {
+        fill_from_nearest(store, worker, asked.front());
+        continue;
+      }
       const auto middle = asked.begin() + std::ptrdiff_t(asked.size() / 2);
       left.push_back({{asked.begin(), middle}, its_halo});
       left.push_back({{middle, asked.end()}, its_halo});
@@ -31,18 +35,35 @@ void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::siz
     }
     worker.upload(IndexOrder::fastest);
     worker.set_aside(copies);
-    left.push_back({fill_exact(worker, asked), 2 * its_halo});
+    const point::Region surely_known = without_border(worker.loaded, copies);
+    left.push_back(
+        {fill_exact(worker, asked,
+                    [&](point::Vec3<float> here) { return point::squared_gap_to_outside(surely_known, here); }),
+         2 * its_halo});
     worker.note_costs();
   }
 }
 
-// Returns those of the queries whose rows are not exact.
-std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked) const {
+// Of a point so far off that a box which holds its nearest ones holds too many.
+void ExactRows::fill_from_nearest(PointStore& store, TileWorker& worker, std::size_t query) const {
+  const double known = store.load_nearest(queries[query], worker) - reach_of_decision(copies);
+  if (!(known > 0)) throw store.does_not_fit(query);
+  worker.loaded = kEverywhere;
+  worker.upload(IndexOrder::fastest);
+  worker.set_aside(copies);
+  const auto squared_gap = [&](point::Vec3<float>) { return float(std::min(known * known, 1e38)); };
+  if (!fill_exact(worker, {query}, squared_gap).empty()) throw store.does_not_fit(query);
+  worker.note_costs();
+}
+
+// Returns those of the queries whose rows are not exact. squared_gap(place): around it, all points are known so far.
+template <class SquaredGap>
+std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked,
+                                               const SquaredGap& squared_gap) const {
   std::vector<std::uint32_t> places;
   for (const std::size_t q : asked) places.push_back(find(worker, q));
   const std::vector<std::uint32_t> asked_for = places;
   for (std::uint32_t& place : places) place = first_of(worker.copies, place);
-  const point::Region surely_known = without_border(worker.loaded, copies);
   const std::size_t row_size = std::size_t(k) + 1;
   std::vector<Point> found(places.size() * row_size);
   worker.backend->build_index(0, std::nullopt, {});
@@ -53,7 +74,7 @@ std::vector<std::size_t> ExactRows::fill_exact(const TileWorker& worker, const s
     const auto here = to_vec3(row[0]), last = to_vec3(row[k]);
     const bool full = is_indexed(row[k]);
     if (point::is_exact_list({k, kUnbounded, false, 0}, full ? k : 0, full ? point::squared_length(last - here) : 0.0f,
-                             point::squared_gap_to_outside(surely_known, here)) &&
+                             squared_gap(here)) &&
         is_sure(worker.copies, asked_for[r])) {
       std::copy_n(row, row_size, &out[asked[r] * row_size]);
     } else {

@@ -26,7 +26,10 @@ struct ExactRows {
   void fill(PointStore& store, TileWorker& worker, std::vector<std::size_t> some, double halo) const;
 
  private:
-  std::vector<std::size_t> fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked) const;
+  void fill_from_nearest(PointStore& store, TileWorker& worker, std::size_t query) const;
+  template <class SquaredGap>
+  std::vector<std::size_t> fill_exact(const TileWorker& worker, const std::vector<std::size_t>& asked,
+                                      const SquaredGap& squared_gap) const;
 };
 
 }  // namespace pointfair

@@ -42,12 +42,10 @@ std::optional<Halves> halve(std::span<Point> sample, std::size_t parts) {
 std::array<std::vector<std::uint32_t>, 2> halves_of(std::vector<std::uint32_t> some, std::span<const Point> points,
                                                     const Bounds& bounds) {
   const auto axis = kAxes[longest_axis(bounds)];
-  const auto middle = some.begin() + std::ptrdiff_t(some.size() / 2);
-  std::nth_element(some.begin(), middle, some.end(),
-                   [&](std::uint32_t a, std::uint32_t b) { return points[a].*axis < points[b].*axis; });
-  std::sort(some.begin(), middle);
-  std::sort(middle, some.end());
-  return {std::vector(some.begin(), middle), std::vector(middle, some.end())};
+  const double plane = (double(bounds.min.*axis) + bounds.max.*axis) / 2;
+  const auto right =
+      std::stable_partition(some.begin(), some.end(), [&](std::uint32_t i) { return double(points[i].*axis) < plane; });
+  return {std::vector(some.begin(), right), std::vector(right, some.end())};
 }
 
 }  // namespace pointfair

@@ -24,7 +24,8 @@ struct Halves {
 // for one part, and where all points are at one place.
 std::optional<Halves> halve(std::span<Point> sample, std::size_t parts);
 
-// Some of the points, by their numbers, in two halves along the longest side of their bounds. Each ascends.
+// Some of the points, by their numbers, ascending, on both sides of the middle of the longest side of their bounds. Not
+// as many on each: one that lies far off is apart at once.
 std::array<std::vector<std::uint32_t>, 2> halves_of(std::vector<std::uint32_t> some, std::span<const Point> points,
                                                     const Bounds& bounds);
 

@@ -9,12 +9,14 @@
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
+#include "tiles/far_off.hpp"
 #include "tiles/halves.hpp"
 
 namespace pointfair {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 14;
+constexpr std::size_t kMostFarOff = 64;  // points that are looked at one by one, where they do not fit together
 
 // A run, and what is left of it.
 class Engine {
@@ -60,7 +62,7 @@ class Engine {
 
   void start(TileWorker& worker) {
     const TileTask& task = *worker.task;
-    worker.halo = task.halo > 0 ? task.halo : halo_of(task);
+    worker.halo = task.halo > 0 ? task.halo : std::min(halo_of(task), task.widest_halo);
     worker.loaded = region_around(run_.store.bounds(), task.bounds, worker.halo);
     worker.finish_upload();  // of a run that failed
     if (!run_.store.load(worker.loaded, worker)) return split(worker);
@@ -158,11 +160,31 @@ class Engine {
         if (is_in_cell(*task.cell, to_vec3(points[i]))) task.listed.push_back(i);
     const Bounds& b = task.bounds;
     const float longest = std::max({b.max.x - b.min.x, b.max.y - b.min.y, b.max.z - b.min.z});
-    if (task.listed.size() < 2 || longest < worker.halo / 8)
-      throw run_.store.does_not_fit(task.listed.empty() ? 0 : task.listed.front());
-    for (Indices& half : halves_of(std::move(task.listed), points, task.bounds))
-      tasks_.put(listed(std::move(half), task.halo > 0 ? worker.halo : 0));
+    if (task.listed.size() < 2 || longest < worker.halo / 8) {
+      take_isolated(worker, task.listed);
+      tasks_.finish_one();
+      return;
+    }
+    for (Indices& half : halves_of(std::move(task.listed), points, task.bounds)) {
+      if (half.empty()) continue;
+      TileTask part = listed(std::move(half), task.halo > 0 ? worker.halo : 0);
+      part.widest_halo = worker.halo;  // a strip along a border looks sparse
+      tasks_.put(std::move(part));
+    }
     tasks_.finish_one();
+  }
+
+  // Throws Error(memory) where one of the points is not, or may not be, isolated.
+  void take_isolated(TileWorker& worker, const Indices& numbers) {
+    if (numbers.empty() || numbers.size() > kMostFarOff || run_.result != TileRun::Result::points)
+      throw run_.store.does_not_fit(numbers.empty() ? 0 : numbers.front());
+    for (const std::uint32_t number : numbers) {
+      const auto found = isolated_at(run_.store.points()[number], run_.store, run_.stages, worker, stop_);
+      if (!found) throw run_.store.does_not_fit(number);
+      run_.store.keep({&number, 1}, {&found->result, 1}, {&found->outcome, 1});
+      const std::lock_guard lock(mutex_);
+      add(counts_, found->outcome);
+    }
   }
 
   TileTask listed(Indices indices, double halo) const {

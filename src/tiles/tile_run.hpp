@@ -26,12 +26,15 @@ namespace pointfair {
 
 using Indices = std::vector<std::uint32_t>;
 
+inline bool same_place(const Point& a, const Point& b) { return a.x == b.x && a.y == b.y && a.z == b.z; }
+
 // Points whose results are wanted: those of a cell, or those listed.
 struct TileTask {
   std::optional<point::Cell> cell;
   Indices listed;   // ascending
   Bounds bounds;    // of them
-  double halo = 0;  // around these that is loaded; 0: as first_halo() says
+  double halo = 0;  // around these that is loaded; 0: as first_halo() says, but at most so wide:
+  double widest_halo = std::numeric_limits<double>::infinity();
 };
 
 // A backend, and what it computes.
@@ -74,6 +77,9 @@ class PointStore {
   virtual const Bounds& bounds() const = 0;  // of the whole cloud
   // All valid points of the region, into the worker. False if they are more than fit; the numbers are told even so.
   virtual bool load(const point::Region& region, TileWorker& worker) = 0;
+  // The points nearest to a place, into the worker, as many as fit: of a point that lies far off, its nearest ones fit
+  // where a box around it does not. Returns the distance up to which they are all; 0: the store knows no nearest ones.
+  virtual double load_nearest(const Point& /*to*/, TileWorker& /*worker*/) { return 0; }
   // That what lies around a point, of which nothing else is wanted, does not fit.
   virtual Error does_not_fit(std::size_t number) const = 0;
   // Those whose results may be wanted, by their numbers.

@@ -102,6 +102,23 @@ class Bits(Case):
         if e57 is not None and run("info", self.path("in.e57")).returncode == 0:
             self.same(self.path("in.e57"), tiles=(5,), suffix=".e57")
 
+    def test_points_far_off_in_little_memory_have_the_bits_of_the_run_in_memory(self):
+        mesh, cloud, count = self.path("octahedron.off"), self.path("cloud.ply"), 600000
+        corners = [(sign * (a == 0), sign * (a == 1), sign * (a == 2)) for a in range(3) for sign in (1, -1)]
+        faces = [(x, y, z) for x in (0, 1) for y in (2, 3) for z in (4, 5)]
+        mesh.write_text("\n".join(["OFF", "6 8 0"] + [" ".join(map(str, c)) for c in corners] +
+                                  [" ".join(map(str, (3, *f))) for f in faces]) + "\n")
+        self.ok("noise", mesh, cloud, "--points", count, "--sigma", "0.1%", "--seed", 1)
+        head, points = cloud.read_bytes().split(b"end_header\n", 1)
+        strays = [(300.0, 200.0, 100.0), (0.0, 0.0, 9000.0), (-40.0, 30.0, 0.0)]
+        source, whole, cut = self.path("strays.ply"), self.path("whole.ply"), self.path("cut.ply")
+        source.write_bytes(head.replace(str(count).encode(), str(count + 3).encode()) + b"end_header\n" + points +
+                           b"".join(struct.pack("<3f", *p) + bytes(len(points) // count - 12) for p in strays))
+        self.ok("run", source, whole, "-q")
+        self.ok("run", source, cut, "-q", "--memory", "64M")
+        self.assertEqual(whole.read_bytes(), cut.read_bytes())
+        self.assertNotEqual(whole.read_bytes(), source.read_bytes())
+
     def test_limits_have_the_bits_of_the_run_in_memory(self):
         rows = list(ground(6000))
         las = write_las(self.path("in.las"), rows, [(2, 2, 2, 7, 6)[i % 5] for i in range(len(rows))])
