@@ -3,7 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
+#include <cstdint>
+#include <numeric>
 #include <optional>
 #include <span>
 #include <vector>
@@ -206,21 +209,34 @@ int first_even(const std::vector<double>& by_rank) {
   return rank;
 }
 
-std::size_t count_up_to(const std::vector<double>& sorted, double most) {
-  return std::size_t(std::ranges::upper_bound(sorted, most) - sorted.begin());
-}
-
 // Squared distances to the neighbours of the ranks from `first` to `last`, of rows that have so many.
-std::vector<double> squared_distances(std::span<const Point> rows, int neighbors, int first, int last) {
+template <class Visit>
+void for_squared_distances(std::span<const Point> rows, int neighbors, int first, int last, const Visit& visit) {
   const std::size_t row = std::size_t(neighbors) + 1;
-  std::vector<double> squared;
   for (std::size_t at = 0; at < rows.size(); at += row) {
     if (std::isnan(rows[at + row - 1].x)) continue;
     for (int k = first; k <= last; ++k)
-      squared.push_back(point::squared_length(point::offset_between(rows[at], rows[at + std::size_t(k)])));
+      visit(point::squared_length(point::offset_between(rows[at], rows[at + std::size_t(k)])));
   }
-  std::ranges::sort(squared);
+}
+std::vector<double> squared_distances(std::span<const Point> rows, int neighbors, int first, int last) {
+  std::vector<double> squared;
+  for_squared_distances(rows, neighbors, first, last, [&](double its) { squared.push_back(its); });
   return squared;
+}
+
+// Whether a gap is possible at all: by counts in bins of an eighth of an octave, of squared distances. Distances nine
+// times those of a bin are at least eight times its end, which is 24 bins on.
+bool may_end_before_a_gap(std::span<const Point> rows, int neighbors, double least, double most) {
+  static_assert(kBeyondCopies == 3);
+  constexpr std::size_t kBins = 2048, kGap = 24;
+  const auto bin_of = [](double squared) { return std::size_t(std::bit_cast<std::uint32_t>(float(squared)) >> 20); };
+  std::array<std::uint32_t, kBins> counts{};
+  for_squared_distances(rows, neighbors, 1, neighbors, [&](double its) { ++counts[bin_of(its)]; });
+  std::partial_sum(counts.begin(), counts.end(), counts.begin());
+  for (std::size_t bin = bin_of(least); bin <= std::min(bin_of(most), kBins - 1 - kGap); ++bin)
+    if (double(counts[bin + kGap] - counts[bin]) <= kFewOthers * double(counts[bin])) return true;
+  return false;
 }
 
 // How far nearly all copies lie off at most, 0 where they are at one place; negative: there are none. Copies are the
@@ -231,21 +247,16 @@ double width_of_copies(std::span<const Point> rows, int neighbors) {
   constexpr double kBeyond = kBeyondCopies * kBeyondCopies, kChanceBeyond = kBeyond - 1;  // on a surface
   const std::vector<double> nearest = squared_distances(rows, neighbors, 1, 1);
   if (nearest.size() < kFewestCopies) return -1;
-  const double least = nearest[kFewestCopies - 1],
+  const double least = nth(nearest, kFewestCopies - 1),
                most = quantile(squared_distances(rows, neighbors, neighbors, neighbors), kFullRows) / kBeyond;
-  if (!(least < most)) return -1;
-  const auto others_beyond = [&](const std::vector<double>& squared, double width) {
-    return double(count_up_to(squared, kBeyond * width) - count_up_to(squared, width));
+  if (!(least < most) || !may_end_before_a_gap(rows, neighbors, least, most)) return -1;
+  std::vector<double> all = squared_distances(rows, neighbors, 1, neighbors);
+  std::ranges::sort(all);
+  const auto count_up_to = [&](double squared) {
+    return std::size_t(std::ranges::upper_bound(all, squared) - all.begin());
   };
-  // if few neighbours lie beyond, few nearest ones do, which are fewer to look at
-  if (std::ranges::none_of(nearest, [&](double width) {
-        return width >= least && width <= most &&
-               others_beyond(nearest, width) <= kFewOthers * neighbors * double(count_up_to(nearest, width));
-      }))
-    return -1;
-  const std::vector<double> all = squared_distances(rows, neighbors, 1, neighbors);
-  for (std::size_t within = count_up_to(all, most); within > 0 && all[within - 1] >= least; --within) {
-    const double others = others_beyond(all, all[within - 1]);
+  for (std::size_t within = count_up_to(most); within > 0 && all[within - 1] >= least; --within) {
+    const double others = double(count_up_to(kBeyond * all[within - 1]) - count_up_to(all[within - 1]));
     if (others <= kFewOthers * double(within))
       return std::sqrt(all[std::size_t(kNearlyAll * (double(within) - others / kChanceBeyond))]);
   }
