@@ -84,6 +84,15 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);
   } else {
+    const FormatArguments& format = arguments.format;
+    const std::string flag = !format.format.empty()     ? "--format " + format.format
+                             : !format.encoding.empty() ? "--encoding " + format.encoding
+                             : format.strict            ? "--strict"
+                                                        : "";
+    if (!flag.empty())
+      throw Error(ErrorKind::usage, flag +
+                                        ": the files of --out-dir are one cloud in tiles, each written in the format "
+                                        "that it has; --each treats every file on its own");
     std::vector<std::string> inputs = {arguments.input};
     if (!arguments.output.empty()) inputs.push_back(arguments.output);
     inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());

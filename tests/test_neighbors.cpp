@@ -16,7 +16,9 @@
 #include "backend_runs.h"
 #include "cpu/index.h"
 #include "every_kernel.h"
+#include "pointfair/neighbors.hpp"
 #include "reference.h"
+#include "runs.h"
 #include "seam/sampling.hpp"
 #include "shapes.h"
 
@@ -371,6 +373,12 @@ TEST(CloudSample, bounds_hold_exactly_the_valid_points) {
     EXPECT_TRUE(same_or_both_nan(found.min, expected.min));
     EXPECT_TRUE(same_or_both_nan(found.max, expected.max));
   }
+}
+
+TEST(Neighbors, that_do_not_fit_into_memory_are_refused) {
+  const std::vector<Point> points = shapes::sphere(1000);
+  for (const std::size_t k : {std::size_t(1) << 50, std::numeric_limits<std::size_t>::max()})
+    expect_error(ErrorKind::memory, "nearest of each of 1000 points", [&] { nearest_neighbors(points, k); });
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ inline constexpr std::uint32_t kNoNeighbor = 0xFFFFFFFF;
 
 /// The `k` nearest other points of each point, k indices a point, nearest first, of equally near ones that with the
 /// lower index; kNoNeighbor where there are fewer. A point that is not finite has no neighbours and is nobody's.
-/// O(N log N); 4 k bytes a point. Throws ErrorKind::interrupted.
+/// O(N log N); 4 k bytes a point. Throws ErrorKind::memory if these are too many, ErrorKind::interrupted.
 POINTFAIR_EXPORT std::vector<std::uint32_t> nearest_neighbors(std::span<const Point> points, std::size_t k,
                                                               std::stop_token stop = {});
 

@@ -370,6 +370,9 @@ class Refusals(Case):
         self.fails(2, "run", source, out, "--memory", "much", says="--memory")
         self.fails(2, "run", source, out, "--memory", "1M", says="64M")
         self.fails(2, "run", source, out, source, says="--out-dir")
+        for words in (("--format", "las"), ("--encoding", "ascii"), ("--strict",)):
+            self.fails(2, "run", source, mesh, "--out-dir", self.path("results"), *words, says=" ".join(words))
+        self.assertFalse(self.path("results").exists())
         self.fails(3, "tile", "run", self.folder, "--all", says="no plan")
 
 
