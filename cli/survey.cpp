@@ -6,11 +6,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "output.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair::cli {
@@ -20,6 +22,25 @@ namespace fs = std::filesystem;
 
 [[noreturn]] void fail(const fs::path& path, const std::string& message) {
   throw Error(ErrorKind::file, path.string() + ": " + message);
+}
+
+// Of a name that notes and lists have, too.
+bool may_be_notes(const fs::path& path) {
+  std::string extension = path.extension().string();
+  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return char(std::tolower(c)); });
+  return extension == ".txt" || extension == ".csv";
+}
+
+// Leaves out what may be notes beside clouds.
+void leave_notes_out(const fs::path& folder, std::vector<fs::path>& files) {
+  const auto notes = std::ranges::stable_partition(files, [](const fs::path& file) { return !may_be_notes(file); });
+  if (notes.empty() || notes.begin() == files.begin()) return;
+  const std::string first = notes.front().filename().string();
+  print_message(
+      "note: {}: {} left out, since other files there are point clouds; name {} to treat {} too\n", folder.string(),
+      notes.size() == 1 ? first + " is" : fmt::format("{} text files, {} the first, are", notes.size(), first),
+      notes.size() == 1 ? "it" : "them", notes.size() == 1 ? "it" : "them");
+  files.erase(notes.begin(), notes.end());
 }
 
 std::vector<fs::path> clouds_in(const fs::path& folder) {
@@ -32,6 +53,7 @@ std::vector<fs::path> clouds_in(const fs::path& folder) {
   if (failed) fail(folder, "this folder cannot be read: " + failed.message());
   if (files.empty()) fail(folder, "there are no point clouds in this folder; name another");
   std::sort(files.begin(), files.end());
+  leave_notes_out(folder, files);
   return files;
 }
 

@@ -39,6 +39,18 @@ class Surveys(Case):
         (self.tiles / ".hidden.las").write_text("no cloud")
         self.same(self.tiles)
 
+    def test_texts_beside_clouds_are_left_out_and_told(self):
+        (self.tiles / "README.txt").write_text("flown in May\n")
+        (self.tiles / "control.CSV").write_text("1 2 3\n")
+        self.same(self.tiles)
+        said = self.ok("info", self.tiles).stderr.decode()
+        self.assertIn("note: ", said)
+        self.assertIn("2 text files, README.txt the first, are left out", said)
+        texts = self.path("texts")
+        texts.mkdir()
+        (texts / "a.txt").write_text("".join(f"{x} {y} {z}\n" for x, y, z in ground(300)))
+        self.assertNotIn("left out", self.ok("info", texts).stderr.decode())
+
     def test_a_vpc_is_the_files_that_it_names(self):
         self.same(self.vpc(["./tiles/part0.las", "tiles/part1.las"]))
         self.same(self.vpc([str(self.tiles / "part0.las"), "file://" + str(self.tiles / "part1.las")]))
