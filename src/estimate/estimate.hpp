@@ -6,7 +6,7 @@
 #include <memory>
 #include <stop_token>
 
-#include "estimate/repeats.hpp"
+#include "estimate/copies_at_samples.hpp"
 #include "estimate/sensor.hpp"
 #include "seam/sampling.hpp"
 #include "seam/settings.hpp"

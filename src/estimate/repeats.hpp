@@ -1,10 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Points that lie together and are no measurements of their own: copies, copies that were rounded otherwise, the
-// corners of unwelded faces, what a sensor emits several times, a scanner's dense lines, rows that share an error each.
+// Points that lie together and make one measurement: copies that are off from each other by nearly the spacing, a
+// scanner's dense lines, rows that share an error each. What lies nearer is copies (estimate/copies_at_samples.hpp).
 #pragma once
 
 #include "estimate/nearest_rows.hpp"
-#include "seam/cloud_sample.hpp"
 
 namespace pointfair {
 
@@ -12,15 +11,6 @@ struct Repeats {
   int points = 1;  // that make one measurement at most samples, 1 to kMostRepeats
   int copies = 1;  // of these, at exactly one place
 };
-
-// Copies that some samples have, up to a distance that is far below the next one.
-struct CopiesFound {
-  double points = 1;   // for one measurement, over the cloud
-  double within = -1;  // negative: there are none
-};
-// Asks for the nearest points of rank 17, and for longer rows where some of these lie together. Copies by chance, of
-// coordinates that were rounded as coarsely as points lie apart, are none.
-CopiesFound copies_at_samples(const NearestRows& nearest);
 
 // Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where
 // it is far smaller before some k, as many lie together. Of rows that are off from each other, the
