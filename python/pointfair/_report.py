@@ -159,7 +159,7 @@ class Report:
     short_neighborhoods: int
     """Points whose constrained neighbourhood has fewer than k neighbours."""
     copies: int
-    """Points that repeat another one, exactly or nearly, in a cloud of which most do: they count for nothing
+    """Points that repeat another one, exactly or nearly, if eight of 500 samples do: they count for nothing
     and got the result of that one, which brings them together. 0 where no parameter follows the noise."""
     stages: tuple[Stage, ...]
     """The stages that ran, in order."""

@@ -55,13 +55,13 @@ void Pipeline::State::measure(WantedEstimates wanted, IndexOrder order, const st
       set_aside(Aside::copies);
       wanted.spacing = with_spacing;
       look_at_neighbors(order, stop, look);
-      if (!share_an_error(*cloud.copies, found.noise)) {
-        cloud.copies = CopiesFound{};
-        set_aside(Aside::nothing);
-        wanted.spacing = with_spacing && !cloud.spacing;
-        look_at_neighbors(order, stop, look);
-      }
     }
+  }
+  if (wanted.noise && has_copies() && !share_an_error(*cloud.copies, found.noise)) {  // also after a call was stopped
+    cloud.copies = CopiesFound{};
+    set_aside(Aside::nothing);
+    wanted.spacing = with_spacing && !cloud.spacing;
+    look_at_neighbors(order, stop, look);
   }
   if (wanted.spacing) spacing(with_noise) = found.spacing;
   if (wanted.noise) {

@@ -53,7 +53,7 @@ void follow(std::span<const Copy> copies, std::span<Value> values) {
 }
 
 // A cloud's sample where each place counts once: of the points that `firsts` and `places` name in place of its own,
-// those at new places. `times`: how many points one place has.
+// those at new places. `times`: how many points a place has on average.
 CloudSample once_each(const CloudSample& sample, std::span<const std::uint32_t> firsts, std::span<const Point> places,
                       double times);
 

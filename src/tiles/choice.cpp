@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kCoreShare = 0.7;          // of a tile's points; the rest is halo
 constexpr std::uint64_t kFirstTiles = 4;    // of a cloud that does not fit
-constexpr std::uint64_t kBytesOfNet = 760;  // a point, in all; docs/benchmarks.md
+constexpr std::uint64_t kBytesOfNet = 760;  // a point, in all; 677 were measured (docs/learned.md)
 constexpr std::uint64_t kTilesOfCard = 8;   // of several: while cards wait for the last tile, few points are left
 
 }  // namespace
@@ -46,7 +46,8 @@ std::string why_not_in_parts(const Params& params, bool into_folder) {
                "give it the memory for the whole cloud, or use another method");
   if (params.method == Method::learned)
     return why("--method learned", ": a point's result depends on points at any distance",
-               "give it the memory for the whole cloud, 760 bytes a point, or use another method");
+               "give it the memory for the whole cloud, " + std::to_string(kBytesOfNet) +
+                   " bytes a point, or use another method");
   return {};
 }
 
