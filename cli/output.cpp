@@ -91,6 +91,17 @@ void check_writable(const fs::path& path, bool overwrite) {
     fail(path, fmt::format("cannot create files in {}: {}", folder.string(), why));
 }
 
+ResultFolder::ResultFolder(std::filesystem::path folder) : folder_(std::move(folder)) {
+  std::error_code failed;
+  is_new_ = std::filesystem::create_directories(folder_, failed);
+  if (failed) throw Error(ErrorKind::file, folder_.string() + ": this folder cannot be made: " + failed.message());
+}
+
+ResultFolder::~ResultFolder() {
+  std::error_code ignored;
+  if (is_new_) std::filesystem::remove(folder_, ignored);  // not where something is in it
+}
+
 bool are_one_file(const fs::path& a, const fs::path& b) {
   std::error_code error;
   if (fs::equivalent(a, b, error)) return true;

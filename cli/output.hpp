@@ -41,6 +41,20 @@ bool is_stream(const std::filesystem::path& path);
 /// directory, or its folder is missing or read-only. "-" always passes.
 void check_writable(const std::filesystem::path& path, bool overwrite);
 
+/// A folder for results, made if it is not there, which goes again at the end if nothing came into it. Throws
+/// ErrorKind::file if it cannot be made.
+class ResultFolder {
+ public:
+  explicit ResultFolder(std::filesystem::path folder);
+  ~ResultFolder();
+  ResultFolder(const ResultFolder&) = delete;
+  ResultFolder& operator=(const ResultFolder&) = delete;
+
+ private:
+  std::filesystem::path folder_;
+  bool is_new_ = false;
+};
+
 /// Whether two paths lead to one file, also where it is not there yet.
 bool are_one_file(const std::filesystem::path& a, const std::filesystem::path& b);
 

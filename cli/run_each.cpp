@@ -145,10 +145,7 @@ void run_each(const RunArguments& arguments, const RunFile& run_file, std::stop_
   check_page(arguments.report, files_of(rows));
   Table table(arguments.report);
   if (arguments.skip_existing) table.take_over(rows);
-  std::error_code failed;
-  fs::create_directories(arguments.tiled.out_dir, failed);
-  if (failed)
-    throw Error(ErrorKind::file, arguments.tiled.out_dir + ": this folder cannot be made: " + failed.message());
+  const ResultFolder folder(arguments.tiled.out_dir);
   if (!arguments.quiet && rows.size() > 1)
     print_message("{} files, each on its own; without --each they would be one cloud\n", rows.size());
   for (std::size_t i = 0; i < rows.size(); ++i) {

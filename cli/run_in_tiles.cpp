@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <optional>
 
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
@@ -58,10 +59,6 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
     if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
     return;
   }
-  std::error_code failed;
-  std::filesystem::create_directories(job.output_folder, failed);
-  if (failed)
-    throw Error(ErrorKind::file, job.output_folder.string() + ": this folder cannot be made: " + failed.message());
   std::vector<std::filesystem::path> clouds = job.inputs;
   for (const std::filesystem::path& input : job.inputs) {
     clouds.push_back(job.output_folder / TiledRun::output_name(input));
@@ -118,6 +115,8 @@ TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Dev
 
 void run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
                std::stop_token stop) {
+  std::optional<ResultFolder> folder;
+  if (!job.output_folder.empty()) folder.emplace(job.output_folder);
   check_outputs(arguments, job);
   run_in_tiles(job, arguments.tiled.work, device,
                {arguments.report, arguments.progress, arguments.quiet, note_of(job, choice)}, stop);

@@ -72,7 +72,9 @@ class Surveys(Case):
             write_las(self.tiles / f"part{n}.las", shifted, [2] * len(points), crs=crs)
         said = self.ok("run", self.tiles, "--out-dir", self.path("two")).stderr.decode()
         self.assertRegex(said, "note: the inputs have 2 coordinate systems.*: Somewhere, EPSG:25832; Somewhere, EPSG:25833 in part1.las\n")
-        self.fails(2, "run", self.tiles, "--out-dir", self.path("two"), "--noise", "2cm", "--force", says=["part3.las: --noise", "unit"])
+        refused = self.path("refused")
+        self.fails(2, "run", self.tiles, "--out-dir", refused, "--noise", "2cm", says=["part3.las: --noise", "unit"])
+        self.assertFalse(refused.exists(), "a folder for results that never came")
 
     def test_more_files_than_a_process_may_hold_open(self):
         many = self.path("many")
