@@ -142,10 +142,10 @@ std::string points_told(const PointCounts& counts, const std::string& how) {
 }
 
 std::string nothing_selected(const PointCounts& counts) {
-  const std::uint64_t left_out = counts.ignored + counts.held;
-  if (left_out == 0 || counts.unmoved.non_finite + left_out < counts.points) return {};
-  return "the limits, such as --where and --box, select no point, so nothing moved; pointfair info shows the bounds "
-         "and the attributes";
+  const std::uint64_t left_out = counts.ignored + counts.held;  // without outliers
+  if (left_out == 0 || counts.unmoved.non_finite + counts.unmoved.outliers + left_out < counts.points) return {};
+  return "the limits, such as --where and --box, leave no point to denoise, so nothing moved; pointfair info shows the "
+         "bounds and the attributes";
 }
 
 Json bounds_json(const Cloud& cloud, const Estimates& estimates) {
