@@ -42,6 +42,24 @@ def write_las(path, points, classes, scale=0.001, crs=METRES):
     return path
 
 
+def write_old_las(path, points, described=b"", extra=b""):
+    """LAS 1.2, point format 0, in class 2, with the same extra bytes at each point. Returns the path."""
+    grid = [[round(v / 0.001) for v in p] for p in points]
+    records = struct.pack("<H16sHH32s", 0, b"LASF_Spec", 4, len(described), b"") + described if described else b""
+    head = bytearray(227)
+    struct.pack_into("<4s", head, 0, b"LASF")
+    head[24:26] = b"\1\2"
+    struct.pack_into("<32s32sHHHIIBHI", head, 26, b"a scanner", b"made by a test", 1, 2026, 227, 227 + len(records),
+                     bool(records), 0, 20 + len(extra), len(grid))
+    struct.pack_into("<I", head, 111, len(grid))
+    struct.pack_into("<3d", head, 131, 0.001, 0.001, 0.001)
+    for axis in range(3):
+        values = [g[axis] * 0.001 for g in grid]
+        struct.pack_into("<2d", head, 179 + 16 * axis, max(values), min(values))
+    path.write_bytes(bytes(head) + records + b"".join(struct.pack("<3iHBBbBH", *g, 7, 9, 2, 0, 0, 1) + extra for g in grid))
+    return path
+
+
 def las_grid(path):
     """The integers of the coordinates of an uncompressed file."""
     data = path.read_bytes()

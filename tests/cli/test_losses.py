@@ -5,6 +5,7 @@ import unittest
 from pathlib import Path
 
 from program import Case
+from survey_files import ground, write_old_las
 
 DOCUMENTATION = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
 ROWS = "".join(f"{x % 10} {x // 10} 0.5\n" for x in range(100))
@@ -40,6 +41,13 @@ class Losses(Case):
         self.fails(3, "run", mesh, self.path("b.pcd"), "--strict", "--device", "cpu", says=["b.pcd", "no place for 1 face", "--strict"])
         self.ok("run", mesh, self.path("b.ply"), "--strict", "--device", "cpu")
         self.fails(2, "run", mesh, self.path("b.glb"), "--strict", "--device", "cpu", says="read, not written")
+
+    def test_a_scale_that_is_too_fine_is_refused_for_that(self):
+        scan = write_old_las(self.path("a.las"), ground(400))
+        said = self.fails(2, "run", scan, self.path("b.las"), "--las-scale", "1e-9",
+                          says=["1e-09", "less than a million times finer", "0.001"])
+        self.assertNotIn("whole number", said)
+        self.fails(2, "run", scan, self.path("b.las"), "--las-scale", "0.0007", says="divided by a whole number")
 
     def test_a_length_in_metres_is_not_repeated_in_a_unit_that_nobody_typed(self):
         said = self.fails(2, "run", self.put("a.xyz", ROWS), self.path("b.xyz"), "--noise", "3mm", says="how long its unit is")

@@ -37,8 +37,13 @@ std::string text_of(double number) {
 Grid steps_of(const Scaling& own, std::optional<double> wanted) {
   Grid steps{1, 1, 1};
   for (std::size_t axis = 0; wanted && axis < 3; ++axis) {
+    constexpr double kMost = 1e6;  // beyond, few files have coordinates that fit in 32 bits
     const double ratio = own.scale[axis] / *wanted, whole = std::nearbyint(ratio);
-    if (!(whole >= 1 && whole < 1e6) || std::abs(ratio - whole) > 1e-6 * whole)
+    if (*wanted > 0 && whole >= kMost)
+      throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) +
+                                        ": it must be less than a million times finer than the file's own, " +
+                                        text_of(own.scale[axis]) + "; give a coarser one");
+    if (!(whole >= 1 && whole < kMost) || std::abs(ratio - whole) > 1e-6 * whole)
       throw Error(ErrorKind::usage, "the scale cannot be " + text_of(*wanted) + ": give the file's own, " +
                                         text_of(own.scale[axis]) + ", divided by a whole number, such as " +
                                         text_of(own.scale[axis] / 10));
