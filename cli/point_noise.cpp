@@ -73,10 +73,12 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
   if (format && !takes_attributes(*format) && !is_new_e57)
     refuse(flag + ": files of this format take no further attributes; write PLY, PCD, LAS, LAZ or text");
   const std::optional<AttributeInfo> info = attribute_info(cloud, name);
-  const bool is_float = info && (info->type == ScalarType::float32 || info->type == ScalarType::float64);
+  const bool is_float = info && !is_stored_scaled(cloud, name) &&
+                        (info->type == ScalarType::float32 || info->type == ScalarType::float64);
   if (info && (info->components != 1 || !is_float))
-    refuse(fmt::format("{}: the cloud has an attribute '{}' of its own that is no float; name another, as in {}={}_2",
-                       flag, name, flag, name.substr(0, kLongestName - 2)));
+    refuse(fmt::format(
+        "{}: the cloud has an attribute '{}' of its own that is not stored as a float; name another, as in {}={}_2",
+        flag, name, flag, name.substr(0, kLongestName - 2)));
 }
 
 namespace {

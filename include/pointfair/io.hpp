@@ -103,6 +103,9 @@ POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& pa
 /// if neither is known. A name that ends in ".copc.laz" is that of a COPC file.
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
+/// Whether the cloud's file stores the attribute of this name as integers, of which its values are multiples.
+POINTFAIR_EXPORT bool is_stored_scaled(const Cloud& cloud, std::string_view name);
+
 /// Whether a file of the format takes attributes of any name beside its own.
 POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 

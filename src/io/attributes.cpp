@@ -21,6 +21,12 @@ static auto find_named(All& all, std::string_view name) {
   return std::find_if(all.begin(), all.end(), [&](const auto& candidate) { return candidate.name == name; });
 }
 
+bool is_stored_scaled(const Cloud& cloud, std::string_view name) {
+  const std::vector<io::Column> columns = cloud.source ? cloud.source->columns() : std::vector<io::Column>{};
+  const auto its = find_named(columns, name);
+  return its != columns.end() && its->scaled;
+}
+
 std::vector<AttributeInfo> attributes(const Cloud& cloud) {
   std::vector<AttributeInfo> result;
   if (cloud.source) {

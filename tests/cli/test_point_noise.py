@@ -6,7 +6,7 @@ import struct
 import unittest
 
 from program import Case, positions, read_ply, run, write_ply
-from survey_files import ground, write_e57, write_las
+from survey_files import ground, write_e57, write_las, write_old_las
 
 QUIET, LOUD = 0.0005, 0.003
 
@@ -109,6 +109,18 @@ class PointNoise(Case):
             self.fails(2, "run", self.cloud, self.path("out.ply"), f"--write-noise={name}", says="--write-noise")
         taken = write_ply(self.path("taken.ply"), self.points[:50], extra=[("int", "noise", range(50))])
         self.fails(2, "run", taken, self.path("out.ply"), "--write-noise", says=["--write-noise", "noise_2"])
+
+    def test_scaled_integers_are_no_place_for_floats(self):
+        """Extra bytes of uint16 with steps of 0.01 from 5 on, which are shown as doubles."""
+        described = bytearray(192)
+        struct.pack_into("<xxBB32s", described, 0, 3, 8 | 16, b"amp")
+        struct.pack_into("<d", described, 112, 0.01)
+        struct.pack_into("<d", described, 136, 5)
+        scan = write_old_las(self.path("scan.las"), ground(400), bytes(described), struct.pack("<H", 123))
+        self.assertIn({"name": "amp", "type": "float64", "components": 1}, self.report("info", scan)["attributes"])
+        for flag in ("--write-noise", "--write-displacement"):
+            self.fails(2, "run", scan, self.path("out.las"), f"{flag}=amp", says=[flag, "amp_2"])
+        self.ok("run", scan, self.path("out.las"), "--write-noise=amp_2", "-q")
 
     def test_an_attribute_takes_the_place_of_the_estimate(self):
         report = self.report("run", self.cloud, self.path("out.ply"), "--noise", "sigma", "--write-noise")

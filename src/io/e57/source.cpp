@@ -125,7 +125,7 @@ void E57Source::find_columns() {
       const auto same =
           std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == name_of(field); });
       if (same == columns_.end()) {
-        columns_.push_back({name_of(field), type_of(field), 1});
+        columns_.push_back({name_of(field), type_of(field), 1, false, field.scaled});
       } else if (same->type != type_of(field)) {
         same->type = NativeType::float64;
       }

@@ -16,7 +16,6 @@ struct Field : Column {
   NativeType stored{};                          ///< its type there; `type` is what is shown
   unsigned shift = 0, bits = 0;                 ///< of a part of a byte; bits 0: the whole
   std::array<double, 3> scale{1, 1, 1}, add{};  ///< of a component, where `scaled`
-  bool scaled = false;
 
   ByteRange bytes() const { return {offset, offset + components * size_of(stored)}; }  ///< of the record
 };
