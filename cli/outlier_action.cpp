@@ -36,6 +36,17 @@ void check_word(const ParamInfo& info, const std::string& text) {
   }
 }
 
+// Refuses what the file cannot hold before the run, by a cloud of outliers.
+void check_values(const OutlierAction& action, const std::string& name, Cloud cloud,
+                  const std::filesystem::path& output, const WriteOptions& options) {
+  std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
+  Attribute& values = cloud.added.emplace_back();
+  values.name = name;
+  values.type = ScalarType::uint8;
+  values.data.assign(cloud.points.size(), std::byte{action.value.value_or(1)});
+  check_write(output, cloud, options);
+}
+
 const char* attribute_of(const OutlierAction& action) {
   return action.kind == Kind::classify ? "classification" : "withheld";
 }
@@ -78,6 +89,7 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
     throw Error(ErrorKind::usage,
                 "--outliers: files of this format hold no classes and no flags; write LAS, LAZ, PLY, PCD "
                 "or text");
+  if (!cloud.points.empty()) check_values(action, name, cloud, output, options);
 }
 
 std::string outcome_text(const OutlierAction& action, const OutlierOutcome& outcome) {

@@ -237,6 +237,27 @@ TEST(LasFiles, AddedAttributesBecomeExtraBytes) {
   }
 }
 
+TEST(LasFiles, AValueThatDoesNotFitIntoItsBitsIsRefused) {
+  for (const auto& [format, name, most] : {std::tuple(1U, "classification", 31),
+                                           {1U, "return_number", 7},
+                                           {6U, "return_number", 15},
+                                           {6U, "overlap", 1}}) {
+    Cloud cloud = parse(make_las({.minor = 4, .format = format}), "a.las");
+    std::vector<std::uint8_t> values(cloud.points.size());
+    values.back() = static_cast<std::uint8_t>(most);
+    cloud.added = {make_attribute(name, ScalarType::uint8, values)};
+    EXPECT_EQ(test::values<std::uint8_t>(parse(image(cloud, Format::las), "a.las"), name), values);
+    ++values.back();
+    cloud.added = {make_attribute(name, ScalarType::uint8, values)};
+    for (const Format to : {Format::las, Format::laz, Format::copc}) {
+      const Thrown thrown = thrown_by([&] { image(cloud, to); });
+      EXPECT_EQ(thrown.kind, ErrorKind::usage);
+      EXPECT_NE(thrown.message.find("0 to " + std::to_string(most) + ";"), std::string::npos) << thrown.message;
+    }
+    image(cloud, Format::ply);
+  }
+}
+
 TEST(LasFiles, WaveformsBesideTheFileAreCopiedAndItsIndexIsNot) {
   const Folder folder;
   std::string las = make_las({.minor = 3, .format = 4});

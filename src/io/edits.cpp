@@ -29,4 +29,19 @@ Edits make_edits(const Cloud& cloud, std::optional<double> las_scale) {
   return edits;
 }
 
+void check_fits(const Column& column, double value) {
+  if (column.bits == 0 || narrow<std::uint8_t>(value) >> column.bits == 0) return;
+  const std::string most = std::to_string((1U << column.bits) - 1);
+  const std::string holds = column.name == "classification"
+                                ? "point formats 0 to 5 hold classes 0 to " + most
+                                : "this point format holds '" + column.name + "' from 0 to " + most;
+  throw Error(ErrorKind::usage, holds + "; choose one of these instead of " +
+                                    std::to_string(narrow<std::uint8_t>(value)) + ", or write PLY, PCD or CSV");
+}
+
+void check_fits(const Replacement& replacement, const Source& source) {
+  const Column column = source.columns()[replacement.column];
+  for (std::uint64_t i = 0; column.bits != 0 && i < source.size(); ++i) check_fits(column, replacement.value(i, 0));
+}
+
 }  // namespace pointfair::io

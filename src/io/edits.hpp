@@ -12,6 +12,7 @@
 
 namespace pointfair::io {
 
+struct Column;
 using AddedAttributes = std::vector<const Attribute*>;
 
 /// New values for a column of the file.
@@ -52,5 +53,10 @@ struct Edits {
 /// The attributes of `cloud.added` as edits of its source. Throws ErrorKind::usage if one has not the shape of the
 /// file's own of its name, or two have one name.
 Edits make_edits(const Cloud& cloud, std::optional<double> las_scale);
+
+/// Throws ErrorKind::usage if the column is a part of a byte that this value does not fit into.
+void check_fits(const Column& column, double value);
+/// The same for all values of the replacement.
+void check_fits(const Replacement& replacement, const Source& source);
 
 }  // namespace pointfair::io

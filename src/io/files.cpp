@@ -92,11 +92,13 @@ Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, s
   if (las_scale && io::family(format) != Format::las && format != Format::copc)
     refuse("only LAS and LAZ files have a scale; leave it out");
   const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
-  if (las_scale && (copy || (format == Format::copc && is_of_las))) cloud.source->check_las_scale(*las_scale);
+  const bool is_edited = copy || (format == Format::copc && is_of_las);
+  if (las_scale && is_edited) cloud.source->check_las_scale(*las_scale);
   if (!has_encoding(format, result.encoding)) refuse_encoding(format);
   for (const io::Replacement& replacement : result.edits.replaced) {
     const std::string why = copy ? cloud.source->why_fixed(replacement.column) : std::string();
     if (!why.empty()) refuse(why);
+    if (is_edited) io::check_fits(replacement, *cloud.source);
   }
   return result;
 }

@@ -35,6 +35,7 @@ struct Column {
   std::uint32_t components = 1;
   bool guessed = false;  ///< the type is not the file's: any number may stand there
   bool scaled = false;   ///< the file stores integers, of which the values are multiples
+  unsigned bits = 0;     ///< that a value has, where it is a part of a byte; 0: all of its type
 };
 /// Where a file's points are kept that must be decoded: in memory, or in the file, to be decoded when asked for.
 enum class Residence : std::uint8_t { memory, file };

@@ -49,6 +49,7 @@ std::string why_no_outlier_action(const OutlierAction& action, const Source& sou
   const auto column = find_column(source, name);
   if (name.empty() || !column) return {};
   check_outlier_attribute(attributes(part_of({std::shared_ptr<const Source>(), &source}, 0, {}))[*column]);
+  io::check_fits(source.columns()[*column], action.value.value_or(1));
   return source.why_fixed(*column);
 }
 

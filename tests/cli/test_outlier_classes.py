@@ -6,7 +6,7 @@ import struct
 import unittest
 
 from program import Case, read_ply, run, write_ply
-from survey_files import ground, las_grid, write_las
+from survey_files import ground, las_grid, write_las, write_old_las
 
 KINDS, FLAGS = 16, 15  # places in a record of point format 6
 
@@ -325,6 +325,19 @@ class Classes(Case):
         result = run("run", *files, "--out-dir", self.path("out"), "--outliers", "remove")
         self.assertNotEqual(result.returncode, 0)
         self.assertIn("part0.las: none of its points would be left", result.stderr.decode())
+
+    def test_a_class_that_the_point_format_has_not_is_refused_before_the_run(self):
+        old = write_old_las(self.path("old.las"), self.points)
+        for name in ("o.las", "o.laz", "o.copc.laz"):
+            self.fails(2, "run", old, self.path(name), "--outliers", "classify=40",
+                       says="point formats 0 to 5 hold classes 0 to 31")
+        self.fails(2, "run", old, self.path("o.las"), "--outliers", "classify=32", "--tiles", 2,
+                   says="point formats 0 to 5 hold classes 0 to 31")
+        self.assertIn("40 outliers are in class 31", self.ok("run", old, self.out, "--outliers", "classify=31").stderr.decode())
+        kinds = [self.out.read_bytes()[227 + 20 * i + 15] for i in range(3600)]
+        self.assertEqual([kinds.count(kind) for kind in (2, 31)], [3560, 40])
+        self.ok("run", self.las, self.out, "--outliers", "classify=40", "--force", "-q")
+        self.ok("run", old, self.path("o.ply"), "--outliers", "classify=40", "-q")
 
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):

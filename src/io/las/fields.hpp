@@ -14,7 +14,7 @@ namespace pointfair::io::las {
 struct Field : Column {
   std::size_t offset = 0;                       ///< of the field in the record
   NativeType stored{};                          ///< its type there; `type` is what is shown
-  unsigned shift = 0, bits = 0;                 ///< of a part of a byte; bits 0: the whole
+  unsigned shift = 0;                           ///< of a part of a byte, which has `bits`
   std::array<double, 3> scale{1, 1, 1}, add{};  ///< of a component, where `scaled`
 
   ByteRange bytes() const { return {offset, offset + components * size_of(stored)}; }  ///< of the record
