@@ -47,10 +47,6 @@ void check_values(const OutlierAction& action, const std::string& name, Cloud cl
   check_write(output, cloud, options);
 }
 
-const char* attribute_of(const OutlierAction& action) {
-  return action.kind == Kind::classify ? "classification" : "withheld";
-}
-
 }  // namespace
 
 OutlierAction take_outlier_action(ParamArguments& params) {
@@ -76,7 +72,7 @@ void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const
       check_write(output, without_points(cloud, std::vector<std::uint8_t>(cloud.points.size())), options);
     return;
   }
-  const std::string name = attribute_of(action);
+  const std::string name = outlier_attribute(action, attributes(cloud));
   const std::optional<AttributeInfo> info = attribute_info(cloud, name);
   if (info && (info->type != ScalarType::uint8 || info->components != 1))
     throw Error(ErrorKind::usage,

@@ -103,6 +103,10 @@ POINTFAIR_EXPORT std::optional<Format> format_of(const std::filesystem::path& pa
 /// if neither is known. A name that ends in ".copc.laz" is that of a COPC file.
 POINTFAIR_EXPORT Format format_to_write(const std::filesystem::path& path, std::optional<Format> source = {});
 
+/// The name that LAS files have here for an attribute that other programs, such as PDAL, write with capitals or without
+/// "_": "ReturnNumber" is return_number, "Infrared" is nir. Other names as they are.
+POINTFAIR_EXPORT std::string las_name(std::string_view name);
+
 /// Whether the cloud's file stores the attribute of this name as integers, of which its values are multiples.
 POINTFAIR_EXPORT bool is_stored_scaled(const Cloud& cloud, std::string_view name);
 

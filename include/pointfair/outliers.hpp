@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "pointfair/cloud.hpp"
 #include "pointfair/export.hpp"
@@ -29,6 +30,10 @@ struct OutlierAction {
 /// Whether a run looks for outliers and leaves them at their place: with Outliers::keep and mark, and where automatic
 /// means keep, which no cloud decides.
 POINTFAIR_EXPORT bool keeps_outliers(const Params& params);
+
+/// The attribute among these that the action writes, also where it is called as other programs do, such as
+/// "Classification" (las_name); else the name of a new one. Empty where the action writes none.
+POINTFAIR_EXPORT std::string outlier_attribute(const OutlierAction& action, std::span<const AttributeInfo> attributes);
 
 /// What an action came to.
 struct OutlierOutcome {

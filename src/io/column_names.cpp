@@ -1,12 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/column_names.hpp"
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
 #include "io/text.hpp"
+#include "pointfair/io.hpp"
 
-namespace pointfair::io {
+namespace pointfair {
+namespace io {
 
 std::vector<std::string> component_names(const std::string& name, std::uint32_t components) {
   if (components == 1) return {name};
@@ -55,4 +58,23 @@ std::string ply_name(const std::string& name) {
   return name;
 }
 
-}  // namespace pointfair::io
+}  // namespace io
+
+std::string las_name(std::string_view name) {
+  static constexpr std::array<std::string_view, 15> kNames = {
+      {"intensity", "return_number", "number_of_returns", "scan_direction_flag", "edge_of_flight_line",
+       "classification", "synthetic", "key_point", "withheld", "overlap", "scanner_channel", "user_data",
+       "point_source_id", "gps_time", "nir"}};
+  const auto plain = [](std::string_view text) {
+    std::string letters = io::lower_case(text);
+    std::erase_if(letters, [](char c) { return c == '_' || c == ' '; });
+    return letters;
+  };
+  const std::string letters = plain(name);
+  if (letters == "scanchannel") return "scanner_channel";  // both of PDAL
+  if (letters == "infrared") return "nir";
+  const auto* const its = std::ranges::find(kNames, letters, plain);
+  return std::string(its == kNames.end() ? name : *its);
+}
+
+}  // namespace pointfair

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "options/outlier_values.hpp"
+#include "pointfair/io.hpp"
 
 namespace pointfair {
 namespace {
@@ -30,9 +31,12 @@ Attribute values_of(const Cloud& cloud, const std::string& name) {
 
 }  // namespace
 
-std::string attribute_of(const OutlierAction& action) {
-  if (action.kind == Kind::classify) return "classification";
-  return action.kind == Kind::withhold ? "withheld" : "";
+std::string outlier_attribute(const OutlierAction& action, std::span<const AttributeInfo> attributes) {
+  const std::string name = action.kind == Kind::classify ? "classification" : "withheld";
+  if (action.kind != Kind::classify && action.kind != Kind::withhold) return "";
+  if (std::ranges::find(attributes, name, &AttributeInfo::name) != attributes.end()) return name;
+  const auto alias = std::ranges::find(attributes, name, [](const AttributeInfo& info) { return las_name(info.name); });
+  return alias == attributes.end() ? name : alias->name;
 }
 
 void check_outlier_attribute(const AttributeInfo& info) {
@@ -73,9 +77,11 @@ OutlierOutcome act_on_outliers(const OutlierAction& action, std::span<const std:
     if (reasons[i] == 0 && is_finite(before[i])) heights.add(before[i]);
   heights.finish();
   std::vector<std::byte> classes;
-  if (const auto info = attribute_info(cloud, "classification"); info && is_one_byte(*info))
-    classes = attribute(cloud, "classification").data;
-  const std::string name = attribute_of(action);
+  const std::vector<AttributeInfo> all = attributes(cloud);
+  const std::string of_classes = outlier_attribute({Kind::classify, {}}, all);
+  if (const auto info = attribute_info(cloud, of_classes); info && is_one_byte(*info))
+    classes = attribute(cloud, of_classes).data;
+  const std::string name = outlier_attribute(action, all);
   Attribute values;
   if (!name.empty()) values = values_of(cloud, name);
   put_outlier_values(action, reasons, before, heights, classes, values.data, outcome);

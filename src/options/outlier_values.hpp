@@ -12,9 +12,6 @@
 
 namespace pointfair {
 
-/// The attribute that the action writes; empty where it writes none.
-std::string attribute_of(const OutlierAction& action);
-
 /// Whether it asks what lies above the surface and what below.
 inline bool needs_heights(const OutlierAction& action) {
   return action.kind == OutlierAction::Kind::classify && !action.value;

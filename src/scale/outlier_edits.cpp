@@ -32,9 +32,17 @@ Attribute values_of(const Source& source, const std::string& name) {
   return values;
 }
 
-bool has_classes(const Source& source) {
-  const auto column = find_column(source, "classification");
-  return column && source.columns()[*column].type == io::NativeType::uint8 && source.columns()[*column].components == 1;
+std::vector<AttributeInfo> attributes_of(const Source& source) {
+  return attributes(part_of({std::shared_ptr<const Source>(), &source}, 0, {}));
+}
+
+// The attribute that has the classes of points; empty: none has.
+std::string attribute_of_classes(const Source& source) {
+  const std::string name = outlier_attribute({Kind::classify, {}}, attributes_of(source));
+  const auto column = find_column(source, name);
+  const bool are_there =
+      column && source.columns()[*column].type == io::NativeType::uint8 && source.columns()[*column].components == 1;
+  return are_there ? name : std::string();
 }
 
 }  // namespace
@@ -45,17 +53,20 @@ std::string why_no_outlier_action(const OutlierAction& action, const Source& sou
            ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY and OBJ files only; use --outliers mark, "
            "or "
            "--each to treat every file on its own";
-  const std::string name = attribute_of(action);
-  const auto column = find_column(source, name);
-  if (name.empty() || !column) return {};
-  check_outlier_attribute(attributes(part_of({std::shared_ptr<const Source>(), &source}, 0, {}))[*column]);
-  io::check_fits(source.columns()[*column], action.value.value_or(1));
-  return source.why_fixed(*column);
+  if (action.kind != Kind::classify && action.kind != Kind::withhold) return {};
+  const std::vector<AttributeInfo> infos = attributes_of(source);
+  const std::string name = outlier_attribute(action, infos);
+  const auto its = std::ranges::find(infos, name, &AttributeInfo::name);
+  if (its == infos.end()) return {};
+  check_outlier_attribute(*its);
+  const auto column = static_cast<std::size_t>(its - infos.begin());
+  io::check_fits(source.columns()[column], action.value.value_or(1));
+  return source.why_fixed(column);
 }
 
 bool adds_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source) {
   if (action.kind == Kind::none) return params.outliers == Outliers::mark;
-  const std::string name = attribute_of(action);
+  const std::string name = outlier_attribute(action, attributes_of(source));
   return !name.empty() && !find_column(source, name);
 }
 
@@ -104,8 +115,9 @@ OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const s
   if (action.kind == Kind::none && plan.params.outliers != Outliers::mark) return edits;
   const bool marks = action.kind == Kind::none;
   Attribute classes, values;
-  if (!marks && has_classes(*source)) classes = values_of(*source, "classification");
-  if (const std::string name = attribute_of(action); !name.empty())
+  const std::string name_of_classes = marks ? std::string() : attribute_of_classes(*source);
+  if (!name_of_classes.empty()) classes = values_of(*source, name_of_classes);
+  if (const std::string name = outlier_attribute(action, attributes_of(*source)); !name.empty())
     values = name == classes.name ? classes : values_of(*source, name);
   std::vector<std::uint8_t> reasons(values.name.empty() ? static_cast<std::size_t>(source->size()) : 0);
   std::mutex mutex;

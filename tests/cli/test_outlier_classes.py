@@ -347,6 +347,29 @@ class Classes(Case):
                    says=["in.xyz", "LAS, LAZ, PCD, PLY and OBJ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
+    def test_classes_are_found_by_the_names_of_other_programs(self):
+        """As PDAL writes them into text. Oracle: the LAS file with the same values."""
+        names = "X,Y,Z,Intensity,ReturnNumber,NumberOfReturns,Classification,UserData,PointSourceId,GpsTime\n"
+        table, own = self.path("in.csv"), records(self.las)
+        rows = [(x + 5e5, y + 5.4e6, z + 100, 100 + i % 7, kind, i * 1e-5)
+                for i, ((x, y, z), kind) in enumerate(zip(self.points, self.classes))]
+        table.write_text(names + "".join("%.3f,%.3f,%.3f,%d,1,1,%d,5,1,%.5f\n" % row for row in rows))
+        self.ok("run", table, self.out, "--strength", 0, "-q")
+        for before, after in zip(own, records(self.out)):
+            self.assertEqual(before[12:18] + before[20:22], after[12:18] + after[20:22])
+            self.assertAlmostEqual(struct.unpack_from("<d", before, 22)[0], struct.unpack_from("<d", after, 22)[0], delta=1e-8)
+        for tiles in ([], ["--tiles", 2]):
+            said = self.ok("run", table, self.path("out.csv"), "--outliers", "classify", "--force", *tiles).stderr.decode()
+            self.assertIn("25 of them had a class of vegetation", said)
+            rows = self.path("out.csv").read_text().splitlines()
+            self.assertEqual(rows[0] + "\n", names)
+            kinds = [int(row.split(",")[6]) for row in rows[1:]]
+            self.assertEqual({i for i, kind in enumerate(kinds) if kind == 18}, set(self.high))
+        both = self.path("both.csv")  # the plain name goes before another one
+        both.write_text("x,y,z,Classification,classification\n" + "".join("%.3f,%.3f,%.3f,9,6\n" % p for p in self.points))
+        self.ok("run", both, self.path("both.las"), "--strength", 0, "-q")
+        self.assertEqual({(row[KINDS], row[30]) for row in records(self.path("both.las"))}, {(6, 9)})
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -82,6 +82,8 @@ bool fits(const TableColumn& column, const Field& field) {
   return true;
 }
 
+std::string las_name_of(const TableColumn& column) { return las_name(column.name); }
+
 bool is_color(const std::string& name) { return name == "red" || name == "green" || name == "blue"; }
 
 class NewFile {
@@ -91,7 +93,8 @@ class NewFile {
     use_ply_names(table, ColorDepth::sixteen_bits);
     use_las_intensity(table);
     const bool color = table.find("red") && table.find("green") && table.find("blue");
-    format_ = !color ? 6 : table.find("nir") ? 8 : 7;
+    const bool infrared = std::ranges::find(table.columns, "nir", las_name_of) != table.columns.end();
+    format_ = !color ? 6 : infrared ? 8 : 7;
     record_length_ = least_record_length(format_);
     map_columns();
     if (compress) compression_ = usual_compression(format_, record_length_);
@@ -122,11 +125,13 @@ class NewFile {
     header.record_length = record_length_;
     const std::vector<Field> fields = record_fields(header);
     std::vector<Column> extra;
-    for (const TableColumn& column : table_.columns) {
-      const auto field =
-          std::find_if(fields.begin(), fields.end(), [&](const Field& f) { return f.name == column.name; });
-      const bool known = field != fields.end();
-      if (known && fits(column, *field)) {
+    for (TableColumn& column : table_.columns) {
+      const std::string name = las_name_of(column);
+      const auto field = std::ranges::find(fields, name, &Field::name);
+      const bool known = field != fields.end() && name == column.name;
+      const bool is_free = known || !table_.find(name);  // and not of another column that is called as here
+      if (field != fields.end() && is_free && fits(column, *field)) {
+        column.name = name;
         const double factor = is_color(column.name) && column.type == NativeType::uint8 ? 257 : 1;
         mappings_.push_back({&column, field->offset, field->type, field->shift, field->bits, factor});
         continue;
