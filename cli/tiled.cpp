@@ -102,7 +102,9 @@ PointCounts point_counts(const TiledReport& report) {
 
 std::vector<std::string> notes_of(const TiledReport& report) {
   const double noise = given_noise(report).value_or(report.noise.value_or(0));
-  std::vector<std::string> notes = {nothing_selected(point_counts(report)), coarse_steps(report.step, noise)};
+  std::vector<std::string> notes = {nothing_selected(point_counts(report))};
+  notes.insert(notes.end(), report.notes_on_files.begin(), report.notes_on_files.end());
+  notes.push_back(coarse_steps(report.step, noise));
   const std::vector<std::string> doubtful = notes_on_run(report);
   notes.insert(notes.end(), doubtful.begin(), doubtful.end());
   if (report.outlier_action.kind != OutlierAction::Kind::none)

@@ -62,6 +62,27 @@ void add_written(const std::vector<fs::path>& files, TiledReport& report) {
   report.displacement = moves.displacement();
 }
 
+// What was known of the results beforehand, as far as it came to be.
+std::vector<std::string> notes_on_files(const std::vector<InputFile>& files, const TiledReport& report) {
+  constexpr std::size_t kMost = 10;
+  const bool has_moves = report.displacement.max > 0;
+  const bool has_removed = report.outlier_action.kind == OutlierAction::Kind::remove && report.outcome.outliers() > 0;
+  std::vector<std::string> notes;
+  for (const InputFile& file : files) {
+    for (const auto& [kind, text] : file.notes) {
+      const bool is_so = kind == FileNote::Kind::on_moves          ? has_moves
+                         : kind == FileNote::Kind::loss_by_removal ? has_removed
+                                                                   : true;
+      if (is_so && std::ranges::find(notes, text) == notes.end()) notes.push_back(text);
+    }
+  }
+  if (notes.size() <= kMost) return notes;
+  const std::size_t more = notes.size() - kMost;
+  notes.resize(kMost);
+  notes.push_back(std::to_string(more) + " more notes of this kind are on other files");
+  return notes;
+}
+
 constexpr std::uint64_t kLeastBytesOfRecord = 2;  // of a point, in any file
 
 bool says_several_sensors(const Source& source) {
@@ -129,10 +150,12 @@ fs::path TiledRun::make_scratch_folder(const fs::path& beside) {
 void TiledRun::plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   with_one_kind_of_error([&] {
     if (!has_plan(work)) return make_plan(job, work, threads);
-    const std::string other = difference(job, read_plan(work));
+    const Plan plan = read_plan(work);
+    const std::string other = difference(job, plan);
     if (!other.empty())
       throw Error(ErrorKind::usage, platform::text_of(work) + ": was planned with " + other +
                                         "; go on with what it was planned with, or name another work folder");
+    if (job.write.strict) refuse_losses(plan);
   });
 }
 
@@ -220,6 +243,7 @@ TiledReport TiledRun::report() const {
     report.short_neighborhoods = counts.short_neighborhoods;
     report.copies = counts.copies;
     add_written(folder.files_of(steps.back()), report);
+    report.notes_on_files = notes_on_files(folder.plan.files, report);
     return report;
   });
 }

@@ -103,20 +103,12 @@ Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, s
   return result;
 }
 
-void refuse_losses(const std::filesystem::path& path, const Cloud& cloud, Format format,
-                   std::optional<Encoding> encoding) {
-  const std::vector<std::string> lost = losses(cloud, format, encoding);
-  if (lost.empty()) return;
-  const std::string more = lost.size() > 1 ? " (and " + std::to_string(lost.size() - 1) + " more)" : "";
-  io::fail(platform::text_of(path), lost.front() + more + "; choose another format, or leave out --strict");
-}
-
 Plan plan(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const std::optional<Format> own = cloud.source ? std::optional(cloud.source->format()) : std::nullopt;
   const Format format = options.format ? *options.format : format_to_write(path, own);
   check(cloud);
   const Plan chosen = plan(cloud, format, options.encoding, options.las_scale);  // a file that cannot be loses nothing
-  if (options.strict) refuse_losses(path, cloud, format, options.encoding);
+  if (options.strict) io::refuse_losses(path, losses(cloud, format, options.encoding));
   return chosen;
 }
 
@@ -178,14 +170,18 @@ namespace io {
 
 namespace {
 
-// A cloud of the source without its points.
-Cloud shell_of(const std::shared_ptr<const Source>& source) { return {.origin = source->origin(), .source = source}; }
+// A cloud of the source without its points, with an attribute without values; no name: without one.
+Cloud shell_of(const std::shared_ptr<const Source>& source, const std::string& added = {}) {
+  Cloud shell{.origin = source->origin(), .source = source};
+  if (!added.empty()) shell.added.push_back({{added, ScalarType::uint8}, {}});
+  return shell;
+}
+
+std::shared_ptr<const Source> unowned(const Source& source) { return {std::shared_ptr<const Source>(), &source}; }
 
 Plan streamed_plan(const Cloud& shell, const std::filesystem::path& path, const WriteOptions& options) {
   const Format format = options.format ? *options.format : format_to_write(path, shell.source->format());
-  const Plan chosen = plan(shell, format, options.encoding, options.las_scale);
-  if (options.strict) refuse_losses(path, shell, format, options.encoding);
-  return chosen;
+  return plan(shell, format, options.encoding, options.las_scale);
 }
 
 std::string why_not_streamed(const Plan& chosen, const Source& source, const std::filesystem::path& path) {
@@ -200,13 +196,25 @@ std::string why_not_streamed(const Plan& chosen, const Source& source, const std
 }  // namespace
 
 std::string why_not_streamed(const Source& source, const std::filesystem::path& path, const WriteOptions& options,
-                             bool adds_attribute) {
-  const std::shared_ptr<const Source> unowned(std::shared_ptr<const Source>(), &source);
-  const Plan chosen = streamed_plan(shell_of(unowned), path, options);
+                             const std::string& added) {
+  const Cloud shell = shell_of(unowned(source), added);
+  const Plan chosen = streamed_plan(shell, path, options);
   const std::string why = why_not_streamed(chosen, source, path);
-  if (why.empty() && adds_attribute && !takes_attributes(chosen.format))
+  if (why.empty() && !added.empty() && !takes_attributes(chosen.format))
     return "files of this format take no further attributes, so outliers cannot be marked; use --outliers keep";
   return why;
+}
+
+std::vector<std::string> losses_when_streamed(const Source& source, const std::filesystem::path& path,
+                                              const WriteOptions& options, const std::string& added) {
+  const Cloud shell = shell_of(unowned(source), added);
+  return losses(shell, streamed_plan(shell, path, options).format, options.encoding);
+}
+
+void refuse_losses(const std::filesystem::path& path, const std::vector<std::string>& lost) {
+  if (lost.empty()) return;
+  const std::string more = lost.size() > 1 ? " (and " + std::to_string(lost.size() - 1) + " more)" : "";
+  fail(platform::text_of(path), lost.front() + more + "; choose another format, or leave out --strict");
 }
 
 void write_moved(const std::filesystem::path& path, const std::shared_ptr<Source>& source, const MovedPoints& moved,

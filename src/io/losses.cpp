@@ -136,6 +136,7 @@ std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
 
 // A copy has all that its file has; attributes may have been added.
 std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
+  if (cloud.added.empty()) return {};  // and a text is not read for the types of its columns
   std::string added;
   std::vector<Content> lost;
   const std::vector<io::Column> own = cloud.source->columns();

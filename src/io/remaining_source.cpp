@@ -64,7 +64,13 @@ Attribute RemainingSource::of_all(const Attribute& remaining) const {
 std::vector<std::string> RemainingSource::losses(Encoding to) const {
   if (!file_->leaves_points_out()) return {};
   std::vector<std::string> result = file_->losses(to);
-  for (const Content& content : file_->contents())
+  for (std::string& loss : losses_by_removal(*file_)) result.push_back(std::move(loss));
+  return result;
+}
+
+std::vector<std::string> losses_by_removal(const Source& file) {
+  std::vector<std::string> result;
+  for (const Content& content : file.contents())
     if (content.kind == ContentKind::grid) result.push_back(content.what + " has gaps now, so the points are one row");
   return result;
 }

@@ -5,11 +5,15 @@
 
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 #include "io/source.hpp"
 
 namespace pointfair::io {
+
+/// What a copy of a file that leaves points out does not keep beside Source::losses(), a sentence each.
+std::vector<std::string> losses_by_removal(const Source& file);
 
 class RemainingSource final : public Source {
  public:

@@ -64,10 +64,12 @@ std::string why_no_outlier_action(const OutlierAction& action, const Source& sou
   return source.why_fixed(column);
 }
 
-bool adds_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source) {
-  if (action.kind == Kind::none) return params.outliers == Outliers::mark;
+std::string added_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source) {
+  const bool marks = action.kind == Kind::none && params.outliers == Outliers::mark;
+  if (marks) return outlier_marks(part_of({std::shared_ptr<const Source>(), &source}, 0, {}), {}).name;
+  if (action.kind != Kind::classify && action.kind != Kind::withhold) return {};
   const std::string name = outlier_attribute(action, attributes_of(source));
-  return !name.empty() && !find_column(source, name);
+  return find_column(source, name) ? std::string() : name;
 }
 
 void add_heights(const TileResults& results, unsigned threads, HeightGrid& heights) {
@@ -135,7 +137,8 @@ OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const s
   });
   if (marks) edits.added.push_back(outlier_marks(part_of(source, 0, {}), reasons));
   if (!values.name.empty()) edits.added.push_back(std::move(values));
-  if (action.kind == Kind::remove) edits.removed = std::move(reasons);
+  // without one, the file stays as it is, such as the grid of its points
+  if (action.kind == Kind::remove && edits.outcome.outliers() > 0) edits.removed = std::move(reasons);
   return edits;
 }
 

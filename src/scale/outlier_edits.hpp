@@ -15,11 +15,11 @@
 namespace pointfair::scale {
 
 /// Why tiles cannot do it to this file; empty if they can. Throws ErrorKind::usage for an attribute that holds no
-/// classes.
+/// classes, or not this one.
 std::string why_no_outlier_action(const OutlierAction& action, const Source& source);
 
-/// Whether the file gets an attribute that it does not have.
-bool adds_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source);
+/// The attribute that the file gets and does not have; empty: none.
+std::string added_outlier_attribute(const OutlierAction& action, const Params& params, const Source& source);
 
 /// Adds the points of the file that are no outliers.
 void add_heights(const TileResults& results, unsigned threads, HeightGrid& heights);

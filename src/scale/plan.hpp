@@ -20,11 +20,23 @@
 
 namespace pointfair::scale {
 
+/// What is known of a result before the work, and told after it.
+struct FileNote {
+  enum class Kind : std::uint8_t {
+    loss,             ///< the output does not keep it
+    loss_by_removal,  ///< the same, where points are left out
+    on_moves          ///< what no longer is true once points moved
+  };
+  Kind kind;
+  std::string text;  ///< one line
+};
+
 struct InputFile {
   std::filesystem::path path, output;
   std::string fingerprint;                    ///< of its size, its time and some of its bytes
   std::uint64_t points = 0, first_point = 0;  ///< in the whole input
   std::string coordinate_system{};            ///< as the file says it, one line; empty: it does not say
+  std::vector<FileNote> notes{};
 };
 
 /// Blocks of one file that follow each other, which one task takes in.
@@ -91,6 +103,8 @@ bool can_be_planned(const TiledJob& job, const std::shared_ptr<Source>& source);
 /// Reads the inputs' headers and some of their points. Throws as TiledRun::plan. Writes the tree of leaves and, last,
 /// the plan.
 void make_plan(const TiledJob& job, const std::filesystem::path& work, unsigned threads);
+/// Throws Error(file) where the results would not keep all of the inputs.
+void refuse_losses(const Plan& plan);
 bool has_plan(const std::filesystem::path& work);
 /// Throws Error(file) if there is none, or one of another version.
 Plan read_plan(const std::filesystem::path& work);

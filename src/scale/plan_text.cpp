@@ -84,6 +84,11 @@ void read_line(const std::string& line, Plan& plan) {
     plan.files.push_back(std::move(file));
   }
   if (key == "system") plan.files.back().coordinate_system = rest();
+  if (key == "note") {
+    int kind = 0;
+    in >> kind;
+    plan.files.back().notes.push_back({FileNote::Kind(kind), rest()});
+  }
   if (key == "output") plan.files.back().output = platform::path_of(rest());
   if (key == "chunk") {
     InputChunk c;
@@ -125,6 +130,7 @@ std::string text_of(const Plan& plan) {
     out << "file " << file.points << " " << file.fingerprint << " " << platform::text_of(file.path) << "\noutput "
         << platform::text_of(file.output) << "\n";
     if (!file.coordinate_system.empty()) out << "system " << file.coordinate_system << "\n";
+    for (const FileNote& note : file.notes) out << "note " << int(note.kind) << " " << note.text << "\n";
   }
   for (const InputChunk& c : plan.chunks)
     out << "chunk " << c.file << " " << c.first_block << " " << c.end_block << " " << c.first_point << " " << c.points

@@ -4,7 +4,7 @@
 import unittest
 
 from program import Case, positions, run, write_ply
-from survey_files import ground, write_e57, write_las
+from survey_files import ground, write_e57, write_las, write_old_las
 
 
 def scan_with_outliers(count=2500):
@@ -106,6 +106,65 @@ class Reports(Case):
         text = self.ok("run", source, self.path("out.las"), "--force", "--box", "500000,5400000,0,500004,5400004,200").stderr.decode()
         self.assertNotIn("no point", text)
         self.assertNotIn("900 points denoised", text)
+
+    def write_grid(self, path):
+        """An organised PCD file of 50 x 50 points, some of which are outliers. Returns the path."""
+        head = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 50\nHEIGHT 50\nPOINTS 2500\nDATA ascii\n"
+        rows = [(x, y, z + 5 * (i % 61 == 30)) for i, (x, y, z) in enumerate(ground(2500))]
+        path.write_text(head + "".join("%.4f %.4f %.4f\n" % row for row in rows))
+        return path
+
+    def write_text(self, path):
+        path.write_text("".join("%.4f %.4f %.4f\n" % p for p in scan_with_outliers()))
+        return path
+
+    def test_what_is_lost_is_told_and_refused_as_in_memory(self):
+        normals = [("float", name, [float(name == "nz")] * 2500) for name in ("nx", "ny", "nz")]
+        with_normals = write_ply(self.path("normals.ply"), scan_with_outliers(), extra=normals)
+        indexed = write_las(self.path("indexed.las"), scan_with_outliers(), [2] * 2500)
+        self.path("indexed.lax").write_bytes(b"an index")
+        octree = self.path("octree.copc.laz")
+        self.ok("run", indexed, octree, "--strength", 0, "-q")
+        cases = [(self.write_grid(self.path("grid.pcd")), "out.pcd", "remove", "has gaps now", True),
+                 (self.write_text(self.path("names.xyz")), "out.xyz", "mark", "do not name their columns", True),
+                 (with_normals, "out.ply", "keep", "the normals in the file are", False),
+                 (indexed, "out.las", "keep", "indexed.lax does not fit points that moved", True),
+                 (octree, "out.laz", "keep", "the COPC index of the input", True)]
+        for source, out, action, says, is_loss in cases:
+            for words in ([], ["--tiles", 3]):
+                job = ["run", source, self.path(out), "--outliers", action, *words]
+                notes = [note for note in self.report(*job, "--force")["notes"] if says in note]
+                self.assertEqual(len(notes), 1, job)
+                self.path(out).unlink()
+                if is_loss:
+                    self.fails(3, *job, "--strict", says=[out, says, "--strict"])
+                else:
+                    self.ok(*job, "--strict", "-q")
+
+    def test_what_does_not_come_to_be_is_no_loss(self):
+        grid = self.write_grid(self.path("grid.pcd"))
+        words = ["--outliers", "remove", "--box", "0,0,50,1,1,51", "--tiles", 3]
+        notes = self.report("run", grid, self.path("out.pcd"), *words)["notes"]
+        self.assertEqual([note for note in notes if "gaps" in note], [])
+        self.assertEqual(grid.read_bytes(), self.path("out.pcd").read_bytes())
+
+    def test_a_run_that_goes_on_may_become_strict(self):
+        names, work = self.write_text(self.path("names.xyz")), ["--work", self.path("work"), "--tiles", 2]
+        job = ["run", names, self.path("out.xyz"), "--outliers", "mark", *work]
+        said = self.ok(*job).stderr.decode()
+        self.assertIn("do not name their columns", said)
+        self.assertIn("do not name their columns", self.ok(*job).stderr.decode())  # as the plan has it
+        self.fails(3, *job, "--strict", says="do not name their columns")
+
+    def test_of_many_files_not_every_one_is_told(self):
+        points = scan_with_outliers(1024)
+        for n in range(16):
+            write_las(self.path(f"{n}.las"), points[64 * n:64 * n + 64], [2] * 64)
+            self.path(f"{n}.lax").write_bytes(b"an index")
+        files = [self.path(f"{n}.las") for n in range(16)]
+        notes = self.report("run", *files, "--out-dir", self.path("out"))["notes"]
+        self.assertEqual(len([note for note in notes if "does not fit points that moved" in note]), 10)
+        self.assertIn("6 more notes of this kind are on other files", notes)
 
     def test_one_file_by_two_names_is_refused(self):
         source = write_las(self.path("in.las"), list(ground(900)), [2] * 900)
