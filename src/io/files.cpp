@@ -188,9 +188,12 @@ std::string why_not_streamed(const Plan& chosen, const Source& source, const std
   const bool transcodes =
       chosen.encoding != source.encoding() && io::family(chosen.format) != Format::las && chosen.format != Format::ply;
   if (chosen.copy && !transcodes) return {};
-  return platform::text_of(path) +
-         ": a cloud that is computed in tiles on disk is written in the format of its file; name the "
-         "output so, and convert it afterwards";
+  const std::string begin = platform::text_of(path) + ": a cloud that is computed in tiles on disk ";
+  if (chosen.copy) return begin + "keeps the encoding of its file; leave out --encoding, and convert it afterwards";
+  if (chosen.format == source.format() && !chosen.edits.added.empty())
+    return begin + "takes no further attributes in " + row_of(chosen.format).name +
+           " files, so outliers cannot be marked; use --outliers keep";
+  return begin + "is written in the format of its file; name the output so, and convert it afterwards";
 }
 
 }  // namespace

@@ -45,14 +45,21 @@ std::string attribute_of_classes(const Source& source) {
   return are_there ? name : std::string();
 }
 
+std::string why_none_leave(const Source& source) {
+  const bool can_mark = takes_attributes(source.format()) && source.format() != Format::npy;
+  const bool is_usual = source.format() == Format::ply || source.format() == Format::obj;
+  return source.name() +
+         (is_usual
+              ? ": what this file holds beside its points may tell them by their number, so a run in tiles on disk "
+                "cannot leave points out; use "
+              : ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY and OBJ files only; use ") +
+         (can_mark ? "--outliers mark, or " : "") + "--each to treat every file on its own";
+}
+
 }  // namespace
 
 std::string why_no_outlier_action(const OutlierAction& action, const Source& source) {
-  if (action.kind == Kind::remove && !source.leaves_points_out())
-    return source.name() +
-           ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY and OBJ files only; use --outliers mark, "
-           "or "
-           "--each to treat every file on its own";
+  if (action.kind == Kind::remove && !source.leaves_points_out()) return why_none_leave(source);
   if (action.kind != Kind::classify && action.kind != Kind::withhold) return {};
   const std::vector<AttributeInfo> infos = attributes_of(source);
   const std::string name = outlier_attribute(action, infos);

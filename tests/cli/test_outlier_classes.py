@@ -347,6 +347,29 @@ class Classes(Case):
                    says=["in.xyz", "LAS, LAZ, PCD, PLY and OBJ", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
+    def test_a_refusal_of_tiles_says_why_and_what_does_it(self):
+        rows = "".join("%r %r %r\n" % p for p in self.points)
+        head = "ply\nformat ascii 1.0\nelement vertex 3600\n" + "".join(f"property double {c}\n" for c in "xyz")
+        strips = self.path("strips.ply")
+        head += "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+        strips.write_text(head + rows + "4 0 1 60 61\n")
+        said = self.fails(2, "run", strips, self.path("o.ply"), "--outliers", "remove", "--tiles", 2,
+                          says=["strips.ply: what this file holds beside its points", "--outliers mark", "--each"])
+        self.assertNotIn("PLY and OBJ files only", said)
+        off = self.path("in.off")
+        off.write_text("OFF\n3600 0 0\n" + rows)
+        said = self.fails(2, "run", off, self.path("o.off"), "--outliers", "remove", "--tiles", 2,
+                          says=["PLY and OBJ files only", "--each"])
+        self.assertNotIn("mark", said)
+        pcd = self.path("in.pcd")
+        self.ok("run", strips, pcd, "--strength", 0, "--encoding", "ascii", "-q")
+        self.fails(2, "run", pcd, self.path("o.pcd"), "--tiles", 2, "--encoding", "binary",
+                   says="keeps the encoding of its file")
+        self.fails(2, "run", pcd, self.path("o.ply"), "--tiles", 2, says="is written in the format of its file")
+        self.ok("run", strips, self.path("in.npy"), "--strength", 0, "-q")
+        self.fails(2, "run", self.path("in.npy"), self.path("o.npy"), "--tiles", 2, "--outliers", "mark",
+                   says="no further attributes in NPY files")
+
     def test_classes_are_found_by_the_names_of_other_programs(self):
         """As PDAL writes them into text. Oracle: the LAS file with the same values."""
         names = "X,Y,Z,Intensity,ReturnNumber,NumberOfReturns,Classification,UserData,PointSourceId,GpsTime\n"
