@@ -165,6 +165,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     const std::string by_grid = is_unknown ? grid_viewpoint_note(cloud) : "";
     if (!by_grid.empty()) findings.notes.push_back(by_grid);
     add(ignored_faces(params, limits, cloud), findings);
+    add(notes_on_waveforms(cloud), findings);
     add(notes_on_materials(cloud, arguments.input, arguments.output, write_options.format), findings);
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);

@@ -62,6 +62,9 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_materials(const Cloud& cloud,
                                                              const std::filesystem::path& to,
                                                              std::optional<Format> format);
 
+/// Of a LAS file whose header says that its waveforms are in a file of their own: that none lies beside it.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_waveforms(const Cloud& cloud);
+
 /// The same as notes_on_run and notes_on_viewpoints, of a run in tiles.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const TiledReport& report);
 

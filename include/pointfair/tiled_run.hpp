@@ -92,8 +92,8 @@ struct TiledReport {
   std::vector<NamedSystem> systems;  ///< that the inputs name, those of most inputs first
   double step = 0;                   ///< between coordinates that an output stores as integers, the largest; else 0
   double stored_float_step = 0;      ///< the largest between those that a binary input stores as 32-bit floats; else 0
-  /// What the outputs do not keep of their inputs, and that normals are those from before: a sentence each, of many
-  /// files the first ten and how many more there are.
+  /// What the outputs do not keep of their inputs, what lies beside these only, and that normals are those from before:
+  /// a sentence each, of many files the first ten and how many more there are.
   std::vector<std::string> notes_on_files;
 };
 

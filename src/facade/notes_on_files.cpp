@@ -8,6 +8,7 @@
 #include <system_error>
 #include <vector>
 
+#include "io/source.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/run_notes.hpp"
@@ -32,6 +33,15 @@ std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional
   return {std::string("the normals in the file are those from before; ") +
           (is_obj ? "OBJ files keep theirs: write PLY with --normals update, or compute them again in another program"
                   : "--normals update replaces them")};
+}
+
+std::vector<std::string> notes_on_waveforms(const Cloud& cloud) {
+  std::vector<std::string> notes;
+  for (const std::string& extension : cloud.source ? cloud.source->companions() : std::vector<std::string>{})
+    if (io::companion_of(*cloud.source, extension).empty())
+      notes.push_back("the header says that the waveforms are in a file of their own, and no " + extension +
+                      " file of this name lies beside the input, so none was copied");
+  return notes;
 }
 
 namespace {

@@ -125,10 +125,9 @@ std::vector<std::pair<std::filesystem::path, std::filesystem::path>> companions(
   if (!plan.copy || output == "-") return result;
   std::error_code ignored;
   for (const std::string& extension : cloud.source->companions()) {
-    std::filesystem::path from(cloud.source->name()), to(output);
-    from.replace_extension(extension);
-    to.replace_extension(extension);
-    if (!std::filesystem::exists(from, ignored) || std::filesystem::equivalent(from, to, ignored)) continue;
+    std::filesystem::path from = io::companion_of(*cloud.source, extension), to(output);
+    to.replace_extension(from.extension());
+    if (from.empty() || std::filesystem::equivalent(from, to, ignored)) continue;
     result.emplace_back(std::move(from), std::move(to));
   }
   return result;

@@ -8,6 +8,7 @@
 #include "io/placed_source.hpp"
 #include "io/text.hpp"
 #include "platform/large_pages.hpp"
+#include "platform/path_text.hpp"
 
 namespace pointfair {
 namespace {
@@ -190,6 +191,16 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Ed
     }
   }
   return result;
+}
+
+std::filesystem::path io::companion_of(const Source& source, const std::string& extension) {
+  std::string capitals = extension;
+  std::ranges::transform(capitals, capitals.begin(), [](char c) { return c >= 'a' && c <= 'z' ? char(c - 32) : c; });
+  std::filesystem::path path = platform::path_of(source.name());
+  std::error_code ignored;
+  for (const std::string& spelled : {extension, capitals})
+    if (std::filesystem::exists(path.replace_extension(spelled), ignored)) return path;
+  return {};
 }
 
 void io::check_not_geographic(const Source& source) {

@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <span>
 #include <string>
@@ -181,6 +182,8 @@ class Source {
 
 namespace io {
 
+/// The file beside this one that has its name and the extension, which may be in capitals; empty: there is none.
+std::filesystem::path companion_of(const Source& source, const std::string& extension);
 /// Throws Error(file) if the file says that X and Y are longitude and latitude.
 void check_not_geographic(const Source& source);
 /// That a cloud still has the points of its file, by number: what is stored beside them is told by it.

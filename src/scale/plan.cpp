@@ -194,6 +194,7 @@ std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const 
   if (job.outlier_action.kind == OutlierAction::Kind::remove)
     add(FileNote::Kind::loss_by_removal, io::losses_by_removal(*source));
   const Cloud shell{.origin = source->origin(), .source = source};
+  add(FileNote::Kind::beside, notes_on_waveforms(shell));
   add(FileNote::Kind::on_moves, notes_on_kept_normals(shell, source->format()));
   return notes;
 }

@@ -25,6 +25,7 @@ struct FileNote {
   enum class Kind : std::uint8_t {
     loss,             ///< the output does not keep it
     loss_by_removal,  ///< the same, where points are left out
+    beside,           ///< files that lie beside the input
     on_moves          ///< what no longer is true once points moved
   };
   Kind kind;

@@ -42,6 +42,23 @@ class Losses(Case):
         self.ok("run", mesh, self.path("b.ply"), "--strict", "--device", "cpu")
         self.fails(2, "run", mesh, self.path("b.glb"), "--strict", "--device", "cpu", says="read, not written")
 
+    def test_waveforms_in_capitals_come_along_and_missing_ones_are_told(self):
+        scan = write_old_las(self.path("A.LAS"), ground(400))
+        data = bytearray(scan.read_bytes())
+        data[6] = 4  # the waveforms are in a file of their own
+        scan.write_bytes(data)
+        says = "waveforms are in a file of their own, and no .wdp file"
+        for tiles in ([], ["--tiles", 2]):
+            said = self.ok("run", scan, self.path("B.LAS"), "--force", *tiles).stderr.decode()
+            self.assertIn(says, said)
+            self.ok("run", scan, self.path("B.LAS"), "--force", "--strict", "-q", *tiles)  # the run loses nothing
+        self.path("A.WDP").write_bytes(b"waves")
+        for tiles in ([], ["--tiles", 2]):
+            said = self.ok("run", scan, self.path("C.LAS"), "--force", *tiles).stderr.decode()
+            self.assertNotIn(says, said)
+            self.assertEqual(self.path("C.WDP").read_bytes(), b"waves")
+            self.path("C.WDP").unlink()
+
     def test_a_scale_that_is_too_fine_is_refused_for_that(self):
         scan = write_old_las(self.path("a.las"), ground(400))
         said = self.fails(2, "run", scan, self.path("b.las"), "--las-scale", "1e-9",

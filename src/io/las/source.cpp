@@ -2,7 +2,6 @@
 #include "io/las/source.hpp"
 
 #include <algorithm>
-#include <filesystem>
 
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
@@ -59,9 +58,7 @@ std::vector<std::string> LasSource::losses(Encoding) const {
   std::vector<std::string> result;
   if (layout_.is_copc())
     result.push_back("the COPC index of the input no longer fits points that moved, so the output is plain LAZ or LAS");
-  std::error_code ignored;
-  std::filesystem::path index(name());
-  if (std::filesystem::exists(index.replace_extension(".lax"), ignored))
+  if (const std::filesystem::path index = companion_of(*this, ".lax"); !index.empty())
     result.push_back(platform::text_of(index) +
                      " does not fit points that moved, so it was not copied; lasindex makes a new one");
   return result;
