@@ -75,11 +75,11 @@ inline bool is_there(const Thing& thing, const Cloud& cloud) {
     case ContentKind::faces:
       return triangles(cloud).size() == 1;
     case ContentKind::texture_coordinates:
-      return cloud.source->faces().texture.size() == 6;
+      return !cloud.source->faces().texture.empty();
     case ContentKind::invalid_points:
       return cloud.points.size() > 1 && std::isnan(cloud.points[1].x);
     default:
-      const std::vector<io::Content> all = cloud.source->contents();
+      const std::vector<io::Content> all = io::contents_of(cloud);
       return std::any_of(all.begin(), all.end(), [&](const io::Content& its) { return its.kind == thing.kind; });
   }
 }
@@ -157,6 +157,13 @@ inline const std::vector<Thing>& things() {
       {"lines.obj", "v 1 2 3\nv 4 5 6\nv 7 8 9\nl 1 2\n", elements, "1 line with edges"},
       {"texture.obj", "v 1 2 3\nv 4 5 6\nv 7 8 9\nvt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\n", texture_coordinates,
        "texture coordinates"},
+      {"texture_of_some.obj", "v 1 2 3\nv 4 5 6\nv 7 8 9\nvt 0 0\nf 1/1 2/1 3/1\nf 1 2 3\n", texture_coordinates,
+       "texture coordinates"},
+      {"texture_of_none.obj", "v 1 2 3\nv 4 5 6\nv 7 8 9\nvt 0 0\nf 1 2 3\n", elements, "1 texture coordinate that no"},
+      {"odd_texture.ply",
+       lossy::ply("", xyz + "3 0 1 2 3 0 0 1\n",
+                  "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"),
+       face_values, "which are not two for each corner"},
       {"texture.ply",
        lossy::ply("", xyz + "3 0 1 2 6 0 0 1 0 1 1\n",
                   "element face 1\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"),

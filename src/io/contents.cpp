@@ -123,6 +123,9 @@ std::vector<Content> contents_of(const Cloud& cloud) {
   const FaceSummary faces = cloud.source->face_summary();
   if (faces.faces > 0) result.push_back({ContentKind::faces, counted(faces.faces, "face")});
   if (faces.textured) result.push_back({ContentKind::texture_coordinates, "the texture coordinates"});
+  if (faces.odd_textures > 0)
+    result.push_back({ContentKind::face_values, "the texture coordinates of " + counted(faces.odd_textures, "face") +
+                                                    ", which are not two for each corner"});
   for (Content& content : cloud.source->contents()) result.push_back(std::move(content));
   std::stable_sort(result.begin(), result.end(), [](const Content& a, const Content& b) { return a.kind < b.kind; });
   return result;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "io/faces.hpp"
 
-#include <utility>
+#include <limits>
 
 namespace pointfair::io {
 
@@ -26,21 +26,20 @@ void FaceCollector::expect(const ExpectedFaces& expected) {
 }
 
 void FaceCollector::take(std::span<const std::uint32_t> corners, std::span<const float> texture) {
-  const bool textured = faces_.texture.size() == 2 * faces_.corners.size() && texture.size() == 2 * corners.size();
+  constexpr float kNone = std::numeric_limits<float>::quiet_NaN();
+  const std::size_t before = 2 * faces_.corners.size();
   const std::uint64_t count = faces_.ends.size() + 1;
   make_room(faces_.corners, corners.size(), count, expected_, expected_.corners);
   faces_.corners.insert(faces_.corners.end(), corners.begin(), corners.end());
   faces_.ends.push_back(faces_.corners.size());
-  if (!with_texture() || !textured) return;
+  const bool textured = !texture.empty() && texture.size() == 2 * corners.size();
+  if (!with_texture() || (!textured && faces_.texture.empty())) return;
   if (faces_.texture.empty() && expected_.exact)
     faces_.texture.reserve(static_cast<std::size_t>(2 * expected_.corners));
-  make_room(faces_.texture, texture.size(), count, expected_, 2 * expected_.corners);
-  faces_.texture.insert(faces_.texture.end(), texture.begin(), texture.end());
-}
-
-Faces FaceCollector::finish() && {
-  if (faces_.texture.size() != 2 * faces_.corners.size()) faces_.texture = {};
-  return std::move(faces_);
+  make_room(faces_.texture, 2 * faces_.corners.size() - faces_.texture.size(), count, expected_, 2 * expected_.corners);
+  faces_.texture.resize(before, kNone);
+  if (textured) faces_.texture.insert(faces_.texture.end(), texture.begin(), texture.end());
+  faces_.texture.resize(2 * faces_.corners.size(), kNone);
 }
 
 void TriangleCollector::expect(const ExpectedFaces& expected) {

@@ -7,6 +7,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
+#include <utility>
 #include <vector>
 
 namespace pointfair {
@@ -15,7 +16,7 @@ namespace pointfair {
 struct Faces {
   std::vector<std::uint64_t> ends;
   std::vector<std::uint32_t> corners;
-  std::vector<float> texture;            ///< two for each corner, or none at all
+  std::vector<float> texture;            ///< two for each corner, NaN for one without; or none at all
   std::vector<std::uint32_t> materials;  ///< one for each face as FaceVisitor::use() says it, or none at all
 };
 
@@ -47,7 +48,7 @@ class FaceVisitor {
   /// The faces that follow have this one of the materials that the file names, or kNoMaterial, as those before the
   /// first call.
   virtual void use(std::uint32_t) {}
-  /// `texture`: two for each corner, or none.
+  /// `texture`: two for each corner, NaN for one without; another count if the face has none that fit its corners.
   virtual void take(std::span<const std::uint32_t> corners, std::span<const float> texture) = 0;
 
  private:
@@ -80,8 +81,7 @@ class FaceCollector final : public FaceVisitor {
   using FaceVisitor::FaceVisitor;
   void expect(const ExpectedFaces& expected) override;
   void take(std::span<const std::uint32_t> corners, std::span<const float> texture) override;
-  /// All of them; with texture coordinates if every corner has them.
-  Faces finish() &&;
+  Faces finish() && { return std::move(faces_); }
 
  private:
   ExpectedFaces expected_;
@@ -104,7 +104,8 @@ class TriangleCollector final : public FaceVisitor {
 /// What is told of faces.
 struct FaceSummary {
   std::uint64_t faces = 0;
-  bool textured = false;  ///< every corner has texture coordinates
+  bool textured = false;           ///< some corner has texture coordinates
+  std::uint64_t odd_textures = 0;  ///< faces with texture coordinates that are not two for each corner
 };
 
 /// Counts them.
@@ -112,15 +113,16 @@ class FaceCounter final : public FaceVisitor {
  public:
   FaceCounter() : FaceVisitor(true) {}
   void take(std::span<const std::uint32_t> corners, std::span<const float> texture) override {
-    ++faces_;
-    lacks_texture_ = lacks_texture_ || texture.size() != 2 * corners.size();
-    has_texture_ = has_texture_ || !texture.empty();
+    ++counts_.faces;
+    if (texture.empty()) return;
+    const bool fits = texture.size() == 2 * corners.size();
+    counts_.textured = counts_.textured || fits;
+    counts_.odd_textures += fits ? 0 : 1;
   }
-  FaceSummary finish() const { return {faces_, has_texture_ && !lacks_texture_}; }
+  FaceSummary finish() const { return counts_; }
 
  private:
-  std::uint64_t faces_ = 0;
-  bool has_texture_ = false, lacks_texture_ = false;
+  FaceSummary counts_;
 };
 
 }  // namespace io

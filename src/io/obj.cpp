@@ -2,6 +2,7 @@
 // Reading and writing Wavefront OBJ: the "v" lines are the points; every other line is kept.
 #include <algorithm>
 #include <atomic>
+#include <cmath>
 #include <mutex>
 #include <numeric>
 
@@ -129,6 +130,15 @@ class ObjSource : public TextSource {
   mutable bool has_normals_ = false;
 };
 
+// The number of each corner's line of texture coordinates; 0 for corners without.
+std::vector<std::uint64_t> texture_lines(const std::vector<float>& texture) {
+  std::vector<std::uint64_t> lines(texture.size() / 2);
+  std::uint64_t last = 0;
+  for (std::size_t corner = 0; corner < lines.size(); ++corner)
+    if (!std::isnan(texture[2 * corner])) lines[corner] = ++last;
+  return lines;
+}
+
 }  // namespace
 
 std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name, const Reading&) {
@@ -158,7 +168,7 @@ void write_obj(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const ByteColors colors = colors_as_bytes(table);
   const auto normals = normal_columns(table);
-  const bool textured = !table.faces.texture.empty();
+  const std::vector<std::uint64_t> textures = texture_lines(table.faces.texture);
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     buffer += "v ";
     append_position(buffer, table, i, ' ');
@@ -168,7 +178,8 @@ void write_obj(Table table, const Writing&, Output& out) {
     }
     buffer.back() = '\n';
   });
-  write_rows(out, table.faces.texture.size() / 2, [&](std::size_t i, std::string& buffer) {
+  write_rows(out, textures.size(), [&](std::size_t i, std::string& buffer) {
+    if (textures[i] == 0) return;
     append_number(buffer += "vt ", table.faces.texture[2 * i]);
     append_number(buffer += ' ', table.faces.texture[2 * i + 1]);
     buffer += '\n';
@@ -184,7 +195,8 @@ void write_obj(Table table, const Writing&, Output& out) {
     for (std::uint64_t c = begin; c < table.faces.ends[face]; ++c) {
       const std::string point = std::to_string(std::uint64_t{table.faces.corners[c]} + 1);
       buffer += ' ' + point;
-      if (textured) buffer += '/' + std::to_string(c + 1);
+      const bool textured = !textures.empty() && textures[c] != 0;
+      if (textured) buffer += '/' + std::to_string(textures[c]);
       if (!normals.empty()) buffer += (textured ? "/" : "//") + point;
     }
     buffer += '\n';

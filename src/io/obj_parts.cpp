@@ -2,6 +2,7 @@
 #include "io/obj_parts.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <set>
 
@@ -54,8 +55,7 @@ class PartsReader {
     Corners corners(words, so_far_, text_.points);
     for (Corner corner; corners.next(corner);) {
       ++parts_.faces.corners;
-      without_texture_ = without_texture_ || corner.texture < 0;
-      last_texture_ = std::max(last_texture_, corner.texture);
+      take_texture(corner.texture);
       if (corner.normal < 0) continue;
       names_others_ = names_others_ || corner.normal != corner.point;
       take_normal(corner);
@@ -64,6 +64,14 @@ class PartsReader {
     if (const auto word = corners.damaged())
       parts_.damage = "line " + std::to_string(line_number(text_.file, line.data())) + ": " + quoted(*word) +
                       " is no point of the file; repair the line";
+  }
+
+  // Lines of texture coordinates may follow the faces that name them.
+  void take_texture(std::int64_t texture) {
+    if (texture < 0) return;
+    const auto place = static_cast<std::size_t>(texture);
+    if (place >= textures_used_.size()) textures_used_.resize(std::max(place + 1, 2 * textures_used_.size()));
+    textures_used_[place] = true;
   }
 
   void take_other(std::string_view words) {
@@ -131,12 +139,12 @@ class PartsReader {
   }
 
   void tell_texture() {
-    const std::uint64_t count = so_far_.textures;
-    if (count == 0) return;
-    parts_.textured = parts_.faces.corners > 0 && !without_texture_ && last_texture_ < static_cast<std::int64_t>(count);
-    if (!parts_.textured)
-      parts_.contents.push_back({ContentKind::texture_coordinates,
-                                 io::counted(count, "texture coordinate") + ", which some corners do not have"});
+    textures_used_.resize(static_cast<std::size_t>(so_far_.textures));
+    const auto used = std::ranges::count(textures_used_, true);
+    parts_.textured = used > 0;
+    if (const std::uint64_t unused = so_far_.textures - static_cast<std::uint64_t>(used); unused > 0)
+      parts_.contents.push_back(
+          {ContentKind::elements, io::counted(unused, "texture coordinate") + " that no corner of a face has"});
   }
 
   void tell() {
@@ -149,11 +157,11 @@ class PartsReader {
   const ObjText& text_;
   LinesSoFar so_far_;
   ObjParts parts_;
-  bool without_texture_ = false, differ_ = false, names_later_ = false, names_others_ = false;
-  std::int64_t last_texture_ = -1;
+  bool differ_ = false, names_later_ = false, names_others_ = false;
   std::uint64_t groups_ = 0, others_ = 0;
   std::vector<ObjNormals::Normal> normals_;
   std::vector<std::uint32_t> of_points_;
+  std::vector<bool> textures_used_;
   std::set<std::string> materials_;           // in words
   std::map<std::string, std::size_t> known_;  // of parts_.materials
 };
@@ -185,6 +193,8 @@ void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& vi
   LinesSoFar so_far;
   std::vector<std::uint32_t> face;
   std::vector<float> texture;
+  constexpr std::array<float, 2> kNone = {std::numeric_limits<float>::quiet_NaN(),
+                                          std::numeric_limits<float>::quiet_NaN()};
   for_each_line(text, [&](ObjLine kind, std::string_view words, std::string_view) {
     so_far.take(kind);
     std::string_view key;
@@ -194,13 +204,15 @@ void visit_obj_faces(const ObjText& text, const ObjParts& parts, FaceVisitor& vi
     face.clear();
     texture.clear();
     Corners corners(words, so_far, text.points);
+    bool textured = false;
     for (Corner corner; corners.next(corner);) {
       face.push_back(static_cast<std::uint32_t>(corner.point));
-      if (corner.texture < 0 || static_cast<std::size_t>(corner.texture) >= textures.size()) continue;
-      const auto& at = textures[static_cast<std::size_t>(corner.texture)];
+      const bool has = corner.texture >= 0 && static_cast<std::size_t>(corner.texture) < textures.size();
+      const std::array<float, 2> at = has ? textures[static_cast<std::size_t>(corner.texture)] : kNone;
       texture.insert(texture.end(), at.begin(), at.end());
+      textured = textured || has;
     }
-    if (texture.size() != 2 * face.size()) texture.clear();
+    if (!textured) texture.clear();
     visitor.take(face, texture);
   });
 }

@@ -44,7 +44,7 @@ struct ObjParts {
   std::uint64_t normals = 0;  ///< lines of them
   ObjNormals point_normals;   ///< empty if the corners of a point differ
   ExpectedFaces faces;
-  bool textured = false;          ///< every corner has texture coordinates
+  bool textured = false;          ///< some corner has texture coordinates
   bool own_normals = false;       ///< there is one for each point, in the same order, and corners name that one
   bool can_lose_points = true;    ///< nothing but faces, lines and points names points
   std::vector<Content> contents;  ///< all but faces and normals

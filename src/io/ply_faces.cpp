@@ -71,8 +71,7 @@ void visit_faces(const PlyFile& file, std::string_view bytes, const std::string&
         cursor.skip(property);
       }
     }
-    const bool textured = texture.size() == 2 * corners.size();
-    visitor.take(corners, textured ? std::span<const float>(texture) : std::span<const float>());
+    visitor.take(corners, texture);
     if (cursor.position() - begin >= kPassed) {
       passed(begin, cursor.position());
       begin = cursor.position();

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // A new PLY file from a table.
 #include <algorithm>
+#include <cmath>
+#include <span>
 #include <utility>
 
 #include "io/column_names.hpp"
@@ -62,8 +64,11 @@ void write_ply(Table table, const Writing& writing, Output& out) {
     emitter.put(static_cast<double>(end - begin), types.count);
     for (std::uint64_t c = begin; c < end; ++c) emitter.put(table.faces.corners[c], types.corner);
     if (!table.faces.texture.empty()) {
-      emitter.put(static_cast<double>(2 * (end - begin)), types.count);
-      for (std::uint64_t t = 2 * begin; t < 2 * end; ++t) emitter.put(table.faces.texture[t], NativeType::float32);
+      const auto texture = std::span(table.faces.texture).subspan(2 * begin, 2 * (end - begin));
+      const bool has_none = std::ranges::all_of(texture, [](float value) { return std::isnan(value); });
+      emitter.put(has_none ? 0.0 : static_cast<double>(texture.size()), types.count);
+      if (!has_none)
+        for (const float value : texture) emitter.put(value, NativeType::float32);
     }
     emitter.end_row();
   });

@@ -2,6 +2,7 @@
 #include "pointfair/texture.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <map>
 #include <utility>
@@ -61,7 +62,8 @@ class MapCollector final : public io::FaceVisitor {
     picture_ = material < texture_.of_materials.size() ? texture_.of_materials[material] : kNoPicture;
   }
   void take(std::span<const std::uint32_t> corners, std::span<const float> own) override {
-    const bool has_own = own.size() == 2 * corners.size() && !own.empty();
+    const bool has_own = own.size() == 2 * corners.size() && !own.empty() &&
+                         std::ranges::none_of(own, [](float value) { return std::isnan(value); });
     const bool has = picture_ != kNoPicture && (has_own || !of_points_.empty());
     map_.pictures.push_back(has ? picture_ : kNoPicture);
     for (std::size_t c = 0; c < corners.size(); ++c) {

@@ -1,0 +1,67 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""What a file holds beside its points is in a new file, or a note tells that it is lost."""
+import unittest
+
+from program import Case
+
+POINTS = [(x % 10, x // 10, x * 37 % 11 / 100) for x in range(100)]
+ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)
+VERTICES = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
+
+
+class Conversion(Case):
+    def put(self, name, content):
+        path = self.path(name)
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    def convert(self, source, name, *words):
+        """The new file, and the notes on what it lacks; a run with --strict ends as they say."""
+        target = self.path(name)
+        words = ["run", source, target, "--device", "cpu", "--connectivity", "points", "--force", *words]
+        said = self.ok(*words).stderr.decode().splitlines()
+        lost = [line for line in said if line.startswith("note: ") and "from before" not in line]
+        strict = ["--strict", "-q"]
+        self.fails(3, *words, *strict) if lost else self.ok(*words, *strict)
+        return target, lost
+
+    def ply(self, name, properties, values, after="", rows=""):
+        """Points with further properties, "type name" each, and as many values at all of them."""
+        lines = "".join(f"property {each}\n" for each in properties)
+        body = "".join(row + "".join(f" {value}" for value in values) + "\n" for row in ROWS.splitlines())
+        head = "property double x\nproperty double y\nproperty double z\n" + lines + after
+        return self.put(name, "ply\nformat ascii 1.0\nelement vertex 100\n" + head + "end_header\n" + body + rows)
+
+
+class Textures(Conversion):
+    def test_texture_coordinates_stay_where_some_corners_have_none(self):
+        texture = "vt 0 0\nvt 0.5 0\nvt 0 0.25\n"
+        mesh = self.put("a.obj", VERTICES + texture + "f 3 4 5\nf 1/1 2/2 12/3\nf 2/2 3 4/3\n")
+        ply, lost = self.convert(mesh, "b.ply", "--encoding", "ascii")
+        self.assertEqual(lost, [])
+        faces = ["3 2 3 4 0", "3 0 1 11 6 0 0 0.5 0 0 0.25", "3 1 2 3 6 0.5 0 nan nan 0 0.25"]
+        self.assertEqual(ply.read_text().splitlines()[-3:], faces)
+        back, lost = self.convert(ply, "c.obj")
+        self.assertEqual(lost, [])
+        lines = back.read_text().splitlines()
+        self.assertEqual(lines[-3:], ["f 3 4 5", "f 1/1 2/2 12/3", "f 2/4 3 4/5"])
+        self.assertEqual([line for line in lines if line.startswith("vt")],
+                         ["vt 0 0", "vt 0.5 0", "vt 0 0.25", "vt 0.5 0", "vt 0 0.25"])
+
+    def test_texture_coordinates_that_no_corner_has_are_told(self):
+        mesh = self.put("a.obj", VERTICES + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 12/3\n")
+        _, lost = self.convert(mesh, "b.ply")
+        self.assertEqual(lost, ["note: PLY files have no place for 1 texture coordinate that no corner of a face has"])
+
+    def test_texture_coordinates_that_do_not_fit_their_face_are_told(self):
+        faces = "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
+        mesh = self.ply("a.ply", [], [], faces, "3 0 1 11 6 0 0 1 0 1 1\n3 0 1 12 9 0 0 0 1 0 0 1 1 0\n")
+        _, lost = self.convert(mesh, "b.obj")
+        told = "the texture coordinates of 1 face, which are not two for each corner"
+        self.assertEqual(lost, ["note: OBJ files have no place for " + told])
+        self.assertIn("f 1/1 2/2 12/3\nf 1 2 13\n", self.path("b.obj").read_text())
+
+
+if __name__ == "__main__":
+    unittest.main()
