@@ -50,12 +50,15 @@ class Attributes {
   void tell(std::vector<Content>& to) const {
     if (!colors_.empty()) tell_colors(to);
     if (!normals_.empty()) to.push_back({ContentKind::normals, "the normals"});
-    for (const AttributeInfo& info : attributes(cloud_)) {
+    const std::vector<AttributeInfo> all = attributes(cloud_);
+    std::vector<std::string> names;
+    for (const AttributeInfo& info : all) {
+      names.push_back(info.name);
       to.push_back({ContentKind::names, info.name});
       if (is_in(colors_, info.name) || is_in(normals_, info.name)) continue;
       to.push_back({ContentKind::numbers, info.name});
-      tell_intensity(info, to);
     }
+    if (const std::size_t intensity = find_intensity(names); intensity < all.size()) tell_intensity(all[intensity], to);
     tell_wide_integers(to);
   }
 
@@ -71,7 +74,7 @@ class Attributes {
   }
 
   void tell_intensity(const AttributeInfo& info, std::vector<Content>& to) const {
-    if (lower_case(info.name) != "intensity" || info.components != 1) return;
+    if (info.components != 1) return;
     const Attribute values = attribute(cloud_, info.name);
     const auto* const data = reinterpret_cast<const char*>(values.data.data());
     if (!is_las_intensity({data, values.data.size()}, native(values.type)))

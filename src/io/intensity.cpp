@@ -33,11 +33,19 @@ bool fits(const Seen& seen) { return seen.whole && seen.least >= 0 && seen.most 
 
 bool is_las_intensity(std::span<const char> data, NativeType type) { return fits(look(data, type)); }
 
+std::size_t find_intensity(const std::vector<std::string>& names) {
+  auto found = std::ranges::find(names, "intensity");
+  if (found == names.end())
+    found = std::ranges::find_if(names, [](const std::string& name) { return lower_case(name) == "intensity"; });
+  return static_cast<std::size_t>(found - names.begin());
+}
+
 void use_las_intensity(Table& table) {
-  const auto column = std::find_if(table.columns.begin(), table.columns.end(), [](const TableColumn& candidate) {
-    return lower_case(candidate.name) == "intensity" && candidate.components == 1;
-  });
-  if (column == table.columns.end()) return;
+  std::vector<std::string> names;
+  for (const TableColumn& column : table.columns) names.push_back(column.name);
+  const std::size_t place = find_intensity(names);
+  if (place == names.size()) return;
+  TableColumn* const column = &table.columns[place];
   column->name = "intensity";
   const Seen seen = look(column->data, column->type);
   if (fits(seen)) return;

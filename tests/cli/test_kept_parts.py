@@ -26,6 +26,12 @@ class Conversion(Case):
         self.fails(3, *words, *strict) if lost else self.ok(*words, *strict)
         return target, lost
 
+    def columns(self, path):
+        """The names of a file's columns, and the values of its first point."""
+        self.ok("run", path, self.path("columns.csv"), "--strength", "0", "--force")
+        names, row = self.path("columns.csv").read_text().splitlines()[:2]
+        return names.split(","), row.split(",")
+
     def ply(self, name, properties, values, after="", rows=""):
         """Points with further properties, "type name" each, and as many values at all of them."""
         lines = "".join(f"property {each}\n" for each in properties)
@@ -61,6 +67,15 @@ class Textures(Conversion):
         told = "the texture coordinates of 1 face, which are not two for each corner"
         self.assertEqual(lost, ["note: OBJ files have no place for " + told])
         self.assertIn("f 1/1 2/2 12/3\nf 1 2 13\n", self.path("b.obj").read_text())
+
+
+class Names(Conversion):
+    def test_intensity_of_las_is_the_column_that_is_called_so(self):
+        cloud = self.ply("a.ply", ["uchar Intensity", "ushort intensity"], [7, 1000])
+        las, lost = self.convert(cloud, "b.las")
+        self.assertEqual(lost, [])
+        names, row = self.columns(las)
+        self.assertEqual((row[names.index("intensity")], row[names.index("Intensity")]), ("1000", "7"))
 
 
 if __name__ == "__main__":
