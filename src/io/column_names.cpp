@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <array>
+#include <numeric>
 #include <utility>
 
+#include "io/coordinate_names.hpp"
 #include "io/text.hpp"
 #include "pointfair/io.hpp"
 
@@ -56,6 +58,27 @@ std::string ply_name(const std::string& name) {
   for (const auto& [alias, plain] : kAliases)
     if (lower == alias) return std::string(plain);
   return name;
+}
+
+NewNames new_names(const std::vector<std::string>& columns, std::vector<std::string> taken,
+                   const std::function<std::string(const std::string& column)>& own) {
+  std::vector<std::size_t> order(columns.size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_partition(order, [&](std::size_t column) { return !own(columns[column]).empty(); });
+  const auto wanted = [&](std::size_t column) {
+    const std::string its = own(columns[column]);
+    return its.empty() ? columns[column] : its;
+  };
+  std::vector<std::string>& all = taken;
+  const std::size_t first = all.size();
+  for (const std::size_t column : order) all.push_back(wanted(column));
+  make_distinct(all);
+  NewNames result{std::vector<std::string>(columns.size()), {}};
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    result.names[order[i]] = all[first + i];
+    if (all[first + i] != wanted(order[i])) result.renamed.push_back(columns[order[i]]);
+  }
+  return result;
 }
 
 }  // namespace io

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -18,5 +19,16 @@ std::string one_word(std::string_view name);
 
 /// The name as PLY files have it: "normal_x" and "Nx" are nx, "R" is red; others as they are.
 std::string ply_name(const std::string& name);
+
+/// What a new file calls its columns, each another way.
+struct NewNames {
+  std::vector<std::string> names;    ///< of the columns, in their order
+  std::vector<std::string> renamed;  ///< columns that get neither their own name nor that of the format
+};
+
+/// `own` gives the name that the format has for a column, or an empty one. Such columns come before others that are
+/// called so, and `taken`, what else the file holds, before all of them.
+NewNames new_names(const std::vector<std::string>& columns, std::vector<std::string> taken,
+                   const std::function<std::string(const std::string& column)>& own);
 
 }  // namespace pointfair::io

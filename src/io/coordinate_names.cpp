@@ -61,6 +61,14 @@ std::string plain(std::string_view name) {
   return result;
 }
 
+// The first bytes of the name, whole letters of UTF-8.
+std::string cut(const std::string& name, std::size_t longest) {
+  constexpr unsigned kFollows = 0x80, kMask = 0xC0;
+  if (name.size() <= longest) return name;
+  while (longest > 0 && (static_cast<unsigned char>(name[longest]) & kMask) == kFollows) --longest;
+  return name.substr(0, longest);
+}
+
 }  // namespace
 
 AxisColumns find_axes(const std::vector<std::string>& names) {
@@ -92,13 +100,16 @@ std::string listed(const std::vector<std::string>& names) {
   return names.size() > kShown ? text + " and " + std::to_string(names.size() - kShown) + " more" : text;
 }
 
-void make_distinct(std::vector<std::string>& names) {
+void make_distinct(std::vector<std::string>& names, std::size_t longest) {
+  for (std::string& name : names) name = cut(name, longest);
   std::set<std::string> taken(names.begin(), names.end()), seen;
   for (std::string& name : names) {
     if (seen.insert(name).second) continue;
     std::string other;
-    for (int number = 2; other.empty() || !taken.insert(other).second; ++number)
-      other = name + "_" + std::to_string(number);
+    for (int number = 2; other.empty() || !taken.insert(other).second; ++number) {
+      const std::string digits = std::to_string(number);
+      other = cut(name, longest - digits.size() - 1) + "_" + digits;
+    }
     name = other;
     seen.insert(other);
   }

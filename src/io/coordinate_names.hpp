@@ -23,7 +23,7 @@ std::optional<AxisColumns> find_coordinates(const std::vector<std::string>& name
 /// The columns as a message names them, the first ones.
 std::string listed(const std::vector<std::string>& names);
 
-/// Gives names that were there before a number: i, i_2.
-void make_distinct(std::vector<std::string>& names);
+/// Gives names that were there before a number: i, i_2. None has more bytes than `longest`.
+void make_distinct(std::vector<std::string>& names, std::size_t longest = std::string::npos);
 
 }  // namespace pointfair::io

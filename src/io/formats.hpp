@@ -59,6 +59,12 @@ std::vector<std::string> losses_in_new_stl(const Cloud& cloud);
 void write_copc(std::string_view las, const std::string& name, Output& out);
 /// Throws Error(usage) for a cloud whose file has what COPC has no place for.
 void check_new_copc(const Cloud& cloud);
+/// In bytes, of a name in a LAS file.
+inline constexpr std::size_t kLongestLasName = 32;
+/// Attributes that cannot have their name in a new file, since it is too long or another one's.
+std::vector<std::string> renamed_in_new_las(const Cloud& cloud);
+std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud);
+std::vector<std::string> renamed_in_new_e57(const Cloud& cloud);
 /// Throws Error(usage) for points that a new LAS file cannot hold.
 void check_new_las(const Cloud& cloud, std::optional<double> scale);
 

@@ -41,10 +41,8 @@ std::size_t find_intensity(const std::vector<std::string>& names) {
 }
 
 void use_las_intensity(Table& table) {
-  std::vector<std::string> names;
-  for (const TableColumn& column : table.columns) names.push_back(column.name);
-  const std::size_t place = find_intensity(names);
-  if (place == names.size()) return;
+  const std::size_t place = find_intensity(names_of(table));
+  if (place == table.columns.size()) return;
   TableColumn* const column = &table.columns[place];
   column->name = "intensity";
   const Seen seen = look(column->data, column->type);

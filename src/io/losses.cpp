@@ -51,6 +51,10 @@ std::string attributes_told(const std::string& what) {
 std::string sentence_on_kept(ContentKind kind, const std::string& what, const std::string& format) {
   if (kind == ContentKind::normals)
     return "a copy of an " + format + " file keeps its lines and takes no new normals; PLY and PCD take them";
+  if (kind == ContentKind::names)
+    return attributes_told(what) + (is_one(what) ? " gets another name" : " get other names") + " in " + format +
+           " files, where " + (is_one(what) ? "its own is" : "their own are") +
+           " too long or taken; PLY and CSV keep names";
   return "the texture coordinates " + what + " of points are not written to " + format +
          " files, which have them at corners of faces; PLY, PCD and CSV keep them";
 }
@@ -101,7 +105,9 @@ std::vector<std::string> sentences(const std::vector<Content>& lost, Format form
       what += (what.empty() ? "" : ", ") + one->what;
     if (end - content > kListed) what += " and " + std::to_string(end - content - kListed) + " more";
     const bool is_kept = io::keeps(format, content->kind) == Keeps::kept;
-    if (is_kept && (content->kind == ContentKind::normals || content->kind == ContentKind::texture_coordinates))
+    const bool has_place = content->kind == ContentKind::normals || content->kind == ContentKind::names ||
+                           content->kind == ContentKind::texture_coordinates;
+    if (is_kept && has_place)
       result.push_back(sentence_on_kept(content->kind, what, io::row_of(format).name));
     else if (!(no_numbers && follows_numbers(content->kind)) && !(no_colors && follows_colors(content->kind)))
       result.push_back(sentence(content->kind, what, io::row_of(format).name, anew));
@@ -120,6 +126,17 @@ void tell_texture_of_points(const Cloud& cloud, Format format, std::vector<Conte
   std::ranges::stable_sort(lost, {}, &Content::kind);
 }
 
+void tell_renamed(const Cloud& cloud, Format format, std::vector<Content>& lost) {
+  const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
+  std::vector<std::string> names;
+  if (format == Format::pcd) names = io::renamed_in_new_pcd(cloud);
+  if (format == Format::e57) names = io::renamed_in_new_e57(cloud);
+  if (io::family(format) == Format::las || (format == Format::copc && !is_of_las))
+    names = io::renamed_in_new_las(cloud);
+  for (const std::string& name : names) lost.push_back({ContentKind::names, name});
+  std::ranges::stable_sort(lost, {}, &Content::kind);
+}
+
 std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
   std::vector<Content> lost = io::contents_of(cloud);
   std::erase_if(lost, [&](const Content& content) {
@@ -131,6 +148,7 @@ std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
     return is_ptx_intensity || is_las_record || io::keeps(format, content.kind) == Keeps::kept;
   });
   tell_texture_of_points(cloud, format, lost);
+  tell_renamed(cloud, format, lost);
   return lost;
 }
 
@@ -156,7 +174,10 @@ std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
     return lost;
   }
   if (io::keeps(format, ContentKind::names) == Keeps::noted) return {{ContentKind::names, added}};
-  return {};
+  if (io::family(format) != Format::las) return {};
+  for (const Attribute& attribute : cloud.added)
+    if (attribute.name.size() > io::kLongestLasName) lost.push_back({ContentKind::names, attribute.name});
+  return lost;
 }
 
 }  // namespace

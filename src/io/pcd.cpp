@@ -349,7 +349,16 @@ void pack_colors(Table& table) {
   table.columns.push_back(std::move(packed));
 }
 
+// As PCL calls normals.
+NewNames pcd_names(const std::vector<std::string>& columns) {
+  return new_names(columns, {"x", "y", "z"}, [](const std::string& name) {
+    return name == "nx" || name == "ny" || name == "nz" ? "normal_" + name.substr(1) : std::string();
+  });
+}
+
 }  // namespace
+
+std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud) { return pcd_names(ply_names(cloud)).renamed; }
 
 std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);
@@ -369,10 +378,10 @@ void write_pcd(Table table, const Writing& writing, Output& out) {
   std::vector<TableColumn> columns;
   for (std::size_t axis = 0; axis < 3; ++axis)
     columns.push_back(coordinate_column(table.positions, axis, native(table.coordinate_type)));
-  for (TableColumn& column : table.columns) {
-    if (column.name == "nx" || column.name == "ny" || column.name == "nz")
-      column.name = "normal_" + column.name.substr(1);
-    columns.push_back(std::move(column));
+  const std::vector<std::string> names = pcd_names(names_of(table)).names;
+  for (std::size_t c = 0; c < names.size(); ++c) {
+    table.columns[c].name = names[c];
+    columns.push_back(std::move(table.columns[c]));
   }
   out.write(new_pcd_header({columns.begin(), columns.end()}, table.size(), 1, PcdHeader().viewpoint, writing.encoding));
   write_data(columns, table.size(), writing.encoding, out);

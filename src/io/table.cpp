@@ -138,6 +138,20 @@ void use_ply_names(Table& table, ColorDepth depth) {
   use_color_depth(table, depth);
 }
 
+std::vector<std::string> ply_names(const Cloud& cloud) {
+  Table without_rows;
+  for (const AttributeInfo& info : attributes(cloud))
+    without_rows.columns.push_back({{info.name, native(info.type), info.components}, {}});
+  use_ply_names(without_rows);
+  return names_of(without_rows);
+}
+
+std::vector<std::string> names_of(const Table& table) {
+  std::vector<std::string> names;
+  for (const TableColumn& column : table.columns) names.push_back(column.name);
+  return names;
+}
+
 std::vector<const TableColumn*> normal_columns(const Table& table) {
   std::vector<const TableColumn*> columns = {table.find("nx"), table.find("ny"), table.find("nz")};
   if (std::find(columns.begin(), columns.end(), nullptr) != columns.end()) columns.clear();

@@ -40,6 +40,10 @@ enum class ColorDepth : std::uint8_t { bytes, sixteen_bits, any };
 /// several components become one each.
 void use_ply_names(Table& table, ColorDepth depth = ColorDepth::bytes);
 
+/// What that calls the columns of make_table(); and those of a table.
+std::vector<std::string> ply_names(const Cloud& cloud);
+std::vector<std::string> names_of(const Table& table);
+
 /// nx, ny, nz; empty if one is missing.
 std::vector<const TableColumn*> normal_columns(const Table& table);
 

@@ -8,6 +8,7 @@ from program import Case
 POINTS = [(x % 10, x // 10, x * 37 % 11 / 100) for x in range(100)]
 ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)
 VERTICES = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
+OWN_NAMES = ", where their own are too long or taken; PLY and CSV keep names"
 
 
 class Conversion(Case):
@@ -76,6 +77,33 @@ class Names(Conversion):
         self.assertEqual(lost, [])
         names, row = self.columns(las)
         self.assertEqual((row[names.index("intensity")], row[names.index("Intensity")]), ("1000", "7"))
+
+    def test_names_that_las_cuts_differ_and_are_told(self):
+        long = "a_very_long_attribute_name_more_than_32_chars_"
+        properties = [f"float {long}one", f"float {long}two", "float classification", "uchar classification_2"]
+        cloud = self.ply("a.ply", properties, [1.5, 2.5, 3.5, 4])
+        las, lost = self.convert(cloud, "b.las")
+        told = f"note: the attributes {long}one, {long}two, classification get other names in LAS files"
+        self.assertEqual(lost, [told + OWN_NAMES])
+        names, row = self.columns(las)
+        own = {"a_very_long_attribute_name_more_": "1.5", "a_very_long_attribute_name_mor_2": "2.5",
+               "classification_3": "3.5", "classification_2": "4"}
+        self.assertEqual({name: row[names.index(name)] for name in own}, own)
+
+    def test_names_that_others_have_in_a_new_file_are_told(self):
+        properties = ["float nx", "float ny", "float nz", "float normal_x", "uchar colorRed", "uchar red", "uchar green",
+                      "uchar blue", "double timeStamp", "double gps_time", "float cartesianX"]
+        cloud = self.ply("a.ply", properties, [0, 0, 1, 5, 6, 7, 8, 9, 10, 11, 12])
+        pcd, lost = self.convert(cloud, "b.pcd")
+        its_own = OWN_NAMES.replace("their own are", "its own is")
+        self.assertEqual(lost, ["note: the attribute normal_x gets another name in PCD files" + its_own])
+        names, row = self.columns(pcd)
+        self.assertEqual((row[names.index("nx")], row[names.index("normal_x_2")]), ("0", "5"))
+        e57, lost = self.convert(cloud, "b.e57")
+        self.assertEqual(lost, ["note: the attributes gps_time, colorRed, cartesianX get other names in E57 files" + OWN_NAMES])
+        names, row = self.columns(e57)
+        wanted = {"red": "7", "colorRed_2": "6", "timeStamp": "10", "timeStamp_2": "11", "cartesianX_2": "12"}
+        self.assertEqual({name: row[names.index(name)] for name in wanted}, wanted)
 
 
 if __name__ == "__main__":

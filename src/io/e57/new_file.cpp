@@ -7,6 +7,7 @@
 
 #include "io/box_of.hpp"
 #include "io/colors.hpp"
+#include "io/column_names.hpp"
 #include "io/e57/extension.hpp"
 #include "io/e57/pages.hpp"
 #include "io/formats.hpp"
@@ -67,8 +68,8 @@ std::string element(const std::string& name, const std::string& type, const std:
   return "<" + name + " type=\"" + type + "\">" + value + "</" + name + ">\n";
 }
 
-// What the standard calls an attribute, or the name in the extension.
-std::string field_name(const std::string& name) {
+// What the standard calls an attribute.
+std::string standard_name(const std::string& name) {
   static constexpr std::pair<std::string_view, const char*> kNames[] = {
       {"intensity", "intensity"},     {"red", "colorRed"},       {"green", "colorGreen"},
       {"blue", "colorBlue"},          {"nx", "nor:normalX"},     {"ny", "nor:normalY"},
@@ -76,6 +77,11 @@ std::string field_name(const std::string& name) {
       {"columnIndex", "columnIndex"}, {"timeStamp", "timeStamp"}};
   for (const auto& [known, standard] : kNames)
     if (name == known) return standard;
+  return {};
+}
+
+// With no character that an element of XML cannot have.
+std::string plain_name(const std::string& name) {
   std::string plain;
   for (const char c : name) {
     const bool is_letter = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || c == '_';
@@ -83,7 +89,13 @@ std::string field_name(const std::string& name) {
     if (!is_letter && plain.empty()) plain += '_';
     if (is_letter || !plain.empty()) plain += is_letter || is_other ? c : '_';
   }
-  return kOwnPrefix + plain;
+  return plain;
+}
+
+// As readers call the fields, which leave the prefix of the extension out.
+NewNames e57_names(std::vector<std::string> columns) {
+  std::ranges::transform(columns, columns.begin(), plain_name);
+  return new_names(columns, {"cartesianX", "cartesianY", "cartesianZ", "cartesianInvalidState"}, standard_name);
 }
 
 // Integers have the range of their type, those of 64 bits that of their values.
@@ -131,9 +143,11 @@ class NewFile {
     const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
                                        [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
     if (!all_valid) add_state();
-    for (TableColumn& column : table_.columns) {
-      use_doubles_beyond_int64(column);
-      add_column(column);
+    const std::vector<std::string> names = e57_names(names_of(table_)).names;
+    for (std::size_t c = 0; c < names.size(); ++c) {
+      use_doubles_beyond_int64(table_.columns[c]);
+      const bool is_standard = names[c] == standard_name(table_.columns[c].name);
+      add_column(table_.columns[c], is_standard ? names[c] : kOwnPrefix + names[c]);
     }
     records_ = static_cast<std::size_t>((kMostOfPacket - kPacketHeader - 2 * fields_.size() - 4) * 8 / bits()) / 8 * 8;
     if (records_ == 0)
@@ -185,10 +199,8 @@ class NewFile {
     NewField field{.name = "cartesianInvalidState", .type = NativeType::uint8, .maximum = 2, .is_state = true};
     fields_.push_back(field);
   }
-  void add_column(const TableColumn& column) {
-    NewField field{.name = field_name(column.name)};
-    const auto has_name = [&](const NewField& other) { return other.name == field.name; };
-    while (std::any_of(fields_.begin(), fields_.end(), has_name)) field.name += "_2";
+  void add_column(const TableColumn& column, const std::string& name) {
+    NewField field{.name = name};
     field.type = column.type;
     field.values = column.data.data();
     field.stride = column_bytes(column);
@@ -333,6 +345,8 @@ class NewFile {
 
 }  // namespace
 }  // namespace e57
+
+std::vector<std::string> renamed_in_new_e57(const Cloud& cloud) { return e57::e57_names(ply_names(cloud)).renamed; }
 
 void write_e57(Table table, const Writing&, Output& out) {
   e57::NewFile(std::move(table), "pointfair " + std::string(version())).write(out);

@@ -3,8 +3,11 @@
 
 #include <algorithm>
 #include <cstring>
+#include <iterator>
 
 #include "io/column_names.hpp"
+#include "io/coordinate_names.hpp"
+#include "io/formats.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -112,7 +115,7 @@ void add_standard(FieldList& list, unsigned format) {
 Field extra_field(std::string_view text, std::size_t offset, std::size_t room) {
   const auto type = get<std::uint8_t>(text, 2), options = get<std::uint8_t>(text, 3);
   Field field;
-  field.name = get_text(text, 4, 32);
+  field.name = get_text(text, 4, kLongestLasName);
   if (field.name.empty()) field.name = "extra_bytes";
   field.components = type == 0 ? options : type <= 30 ? 1U + (type - 1U) / 10 : 0;
   field.type = field.stored = type == 0 ? NativeType::uint8 : kExtraTypes[(type - 1U) % 10];
@@ -155,7 +158,7 @@ std::string description(unsigned type, unsigned options, std::string_view name) 
   std::string bytes(kDescription, '\0');
   bytes[2] = static_cast<char>(type);
   bytes[3] = static_cast<char>(options);
-  name.copy(bytes.data() + 4, 32);
+  name.copy(bytes.data() + 4, kLongestLasName);
   if (name == "outlier") std::string_view("0 none 1 isolated 2 off 3 mixed").copy(bytes.data() + kWords, 32);
   return bytes;
 }
@@ -202,10 +205,16 @@ std::string describe_extra_bytes(const Header& header, const std::vector<Column>
   std::size_t plain = header.record_length - end_of(described, header);
   for (; plain > 0; plain -= std::min<std::size_t>(plain, 255))
     result += description(0, static_cast<unsigned>(std::min<std::size_t>(plain, 255)), "extra_bytes");
+  std::vector<std::string> names;
+  for (const Field& field : record_fields(header)) names.push_back(field.name);
+  std::size_t next = names.size();
+  for (const Column& column : added)
+    std::ranges::copy(component_names(column.name, column.components), std::back_inserter(names));
+  make_distinct(names, kLongestLasName);
   for (const Column& column : added) {
     const auto* const type = std::find(std::begin(kExtraTypes), std::end(kExtraTypes), column.type);
-    for (const std::string& name : component_names(column.name, column.components))
-      result += description(static_cast<unsigned>(1 + (type - std::begin(kExtraTypes))), 0, name);
+    for (std::uint32_t c = 0; c < column.components; ++c)
+      result += description(static_cast<unsigned>(1 + (type - std::begin(kExtraTypes))), 0, names[next++]);
   }
   return result;
 }

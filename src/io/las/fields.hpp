@@ -27,7 +27,7 @@ std::vector<Field> record_fields(const Header& header);
 void extract_field(const Field& field, const char* records, std::size_t record_length, std::size_t count, char* to);
 
 /// The descriptions of extra bytes as a file with these attributes added has them: those of the file, where bytes have
-/// none a plain one, then one for each component added.
+/// none a plain one, then one for each component added, under a name that no other field has.
 std::string describe_extra_bytes(const Header& header, const std::vector<Column>& added);
 
 }  // namespace pointfair::io::las

@@ -137,7 +137,7 @@ class NewFile {
         continue;
       }
       mappings_.push_back({&column, record_length_, column.type, 0, 0, 1});
-      extra.push_back({column.name + (known ? "_2" : ""), column.type, column.components});
+      extra.push_back({column.name, column.type, column.components});
       record_length_ += column_bytes(column);
     }
     if (record_length_ > std::numeric_limits<std::uint16_t>::max())
@@ -259,6 +259,22 @@ void check_new_las(const Cloud& cloud, std::optional<double> scale) {
   for (const Point& p : cloud.points)
     las::include({cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z}, range);
   las::choose_scaling(range, scale);
+}
+
+std::vector<std::string> renamed_in_new_las(const Cloud& cloud) {
+  las::Header header;
+  header.point_format = 8;  // with all fields that new files have
+  header.record_length = las::least_record_length(header.point_format);
+  const std::vector<las::Field> fields = las::record_fields(header);
+  std::vector<std::string> renamed;
+  for (const AttributeInfo& info : attributes(cloud)) {
+    const auto field = std::ranges::find(fields, info.name, &las::Field::name);
+    const bool is_scaled = las::is_color(info.name) || info.name == "intensity";
+    const bool fits = field == fields.end() || info.components != 1 || is_scaled ||
+                      las::fits(column_of(attribute(cloud, info.name)), *field);
+    if (!fits || info.name.size() > kLongestLasName) renamed.push_back(info.name);
+  }
+  return renamed;
 }
 
 void write_las(Table table, const Writing& writing, Output& out) {
