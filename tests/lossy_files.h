@@ -30,6 +30,21 @@ inline std::string pcd(const std::string& fields, const std::string& sizes, cons
 // Three points of a file of records with a coordinate system, two others and a format of points.
 inline std::string las(unsigned seed) { return make_las({.count = 3, .seed = seed}); }
 
+// And a day.
+inline std::string las_of_a_day() {
+  std::string file = las(1);
+  las_put<std::uint16_t>(file, 92, 2024);
+  return file;
+}
+
+// One facet in a binary file.
+inline std::string stl(const std::string& title) {
+  std::string file = title;
+  file.resize(80);
+  return file + packed<std::uint32_t>({1}) + packed<float>({0, 0, 1, 1, 2, 3, 4, 5, 6, 7, 8, 9.5F}) +
+         std::string(2, '\0');
+}
+
 inline std::string ptx(const std::string& size, const std::string& more = "") {
   return size + "1 2 3\n0 1 0\n-1 0 0\n0 0 1\n0 1 0 0\n-1 0 0 0\n0 0 1 0\n1 2 3 1\n1 2 3 0.5\n4 5 6 0.25\n7 8 9 1\n" +
          more;
@@ -46,13 +61,15 @@ inline std::string npy(const std::string& field, const std::vector<float>& value
   return file;
 }
 
-inline std::string e57() {
+/// `states`: cartesianInvalidState, or none.
+inline std::string e57(const std::vector<double>& states = {}) {
   E57Scan scan;
   scan.pose =
       "<name type=\"String\">hall</name><pose type=\"Structure\"><translation type=\"Structure\"><x "
       "type=\"Float\">5</x></translation></pose>";
   for (const char* const name : {"cartesianX", "cartesianY", "cartesianZ"})
     scan.fields.push_back({name, "double", {1, 2, 4}, 0, 0, 1, 0, ""});
+  if (!states.empty()) scan.fields.push_back({"cartesianInvalidState", "integer", states, 0, 2, 1, 0, ""});
   return make_e57({scan});
 }
 

@@ -105,6 +105,13 @@ TEST(FilesLosses, ThePartsOfAnObjFileGoWhereTheyHaveAPlace) {
   EXPECT_EQ(image(cloud, Format::obj), "mtllib a.mtl\nv 1.5 2 3" + obj.substr(obj.find("\nv 4")));
 }
 
+TEST(FilesLosses, DirectionsWithoutADistanceAreTold) {
+  const Cloud cloud = parse(lossy::e57({0, 1, 2}), "a.e57");
+  EXPECT_TRUE(told(losses(cloud, Format::ply), "the direction of 1 point without a distance"));
+  EXPECT_FALSE(told(losses(parse(lossy::e57({0, 2, 2}), "a.e57"), Format::ply), "the direction"));
+  EXPECT_TRUE(losses(cloud, Format::e57).empty());
+}
+
 TEST(FilesLosses, NormalsOfAnObjFileAreNotRenewed) {
   Cloud cloud = parse("v 1 2 3\nvn 0 0 1\n", "a.obj");
   EXPECT_EQ(thrown_by([&] { check_new_normals(cloud); }).kind, ErrorKind::usage);

@@ -126,6 +126,8 @@ class OffSource : public TextSource {
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
+    if (bytes().substr(0, layout().begin).find('#') != std::string_view::npos)
+      result.push_back({ContentKind::comments, "what is commented before the first point"});
     FaceCounter counter;
     if (read_faces(counter).has_values) result.push_back({ContentKind::face_values, "the colours of faces"});
     return result;

@@ -18,6 +18,8 @@ class XyzSource : public TextSource {
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
     if (front_.has_titles) result.push_back({ContentKind::comments, "the lines before the first row"});
+    if (const std::uint64_t scans = count_scans(); scans > 1)
+      result.push_back({ContentKind::groups, "the borders of " + counted(scans, "scan")});
     return result;
   }
 
@@ -40,6 +42,15 @@ class XyzSource : public TextSource {
   }
 
  private:
+  // Each stands behind a line with its count.
+  std::uint64_t count_scans() const {
+    std::uint64_t scans = 1;
+    std::string_view rows = bytes().substr(layout().begin), line;
+    while (front_.count && next_line(rows, line, front_.line_end))
+      scans += is_row(line, RowRule::uncommented) && !is_row(line, RowRule::counted);
+    return scans;
+  }
+
   XyzFront front_;
 };
 

@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """What a file holds beside its points is in a new file, or a note tells that it is lost."""
+import struct
 import unittest
 
 from program import Case
@@ -9,6 +10,7 @@ POINTS = [(x % 10, x // 10, x * 37 % 11 / 100) for x in range(100)]
 ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)
 VERTICES = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
 OWN_NAMES = ", where their own are too long or taken; PLY and CSV keep names"
+LOSSES = ("no place for", "do not keep", "another name", "other names", "without its name", "without their names")
 
 
 class Conversion(Case):
@@ -22,7 +24,7 @@ class Conversion(Case):
         target = self.path(name)
         words = ["run", source, target, "--device", "cpu", "--connectivity", "points", "--force", *words]
         said = self.ok(*words).stderr.decode().splitlines()
-        lost = [line for line in said if line.startswith("note: ") and "from before" not in line]
+        lost = [line for line in said if any(loss in line for loss in LOSSES)]
         strict = ["--strict", "-q"]
         self.fails(3, *words, *strict) if lost else self.ok(*words, *strict)
         return target, lost
@@ -104,6 +106,57 @@ class Names(Conversion):
         names, row = self.columns(e57)
         wanted = {"red": "7", "colorRed_2": "6", "timeStamp": "10", "timeStamp_2": "11", "cartesianX_2": "12"}
         self.assertEqual({name: row[names.index(name)] for name in wanted}, wanted)
+
+
+class Contents(Conversion):
+    def told(self, name, content, what, *words, target="b.ply"):
+        """That the new file lacks just this."""
+        _, lost = self.convert(self.put(name, content), target, *words)
+        kind = target.split(".")[-1].upper()
+        told = " files that are written anew do not keep " if name.endswith(target[1:]) else " files have no place for "
+        self.assertEqual(lost, [f"note: {kind}{told}{what}"])
+
+    def test_names_and_parts_of_stl_are_told(self):
+        def solid(name):
+            facets = (f"facet normal 0 0 1\nouter loop\nvertex {x} {y} 0\nvertex {x + 1} {y} 0.01\nvertex {x} {y + 1} 0\n"
+                      "endloop\nendfacet\n" for x, y, _ in POINTS)
+            return f"solid {name}\n{''.join(facets)}endsolid {name}\n"
+        self.told("a.stl", solid("bolt") + solid("nut"), "2 names of parts, the borders of 2 parts")
+        self.assertEqual(self.convert(self.put("own.stl", solid("pointfair")), "own.ply")[1], [])
+        facets = [struct.pack("<12fH", 0, 0, 1, x, y, 0, x + 1, y, 0.01, x, y + 1, 0, 0) for x, y, _ in POINTS]
+        for title, lost in ((b"bolt", True), (b"", False), (b"binary STL written by pointfair", False)):
+            content = title.ljust(80, b"\0") + struct.pack("<I", len(facets)) + b"".join(facets)
+            if lost:
+                self.told("c.stl", content, "the title")
+            else:
+                self.assertEqual(self.convert(self.put("c.stl", content), "c.ply")[1], [])
+
+    def test_comments_before_the_points_of_off_are_told(self):
+        self.told("a.off", f"OFF\n# EPSG:25832\n100 0 0\n{ROWS}", "what is commented before the first point")
+
+    def test_scans_of_pts_are_told(self):
+        rows = ROWS.splitlines(keepends=True)
+        self.told("a.pts", "60\n" + "".join(rows[:60]) + "40\n" + "".join(rows[60:]), "the borders of 2 scans")
+
+    def test_the_shape_of_an_array_is_told(self):
+        header = "{'descr': '<f8', 'fortran_order': False, 'shape': (10, 10, 3), }".ljust(117) + "\n"
+        array = b"\x93NUMPY\x01\x00" + struct.pack("<H", 118) + header.encode()
+        array += b"".join(struct.pack("<3d", *point) for point in POINTS)
+        grid = "the grid of 10 x 10 points"
+        self.told("a.npy", array, grid)
+        self.told("a.npy", array, grid, "--outliers", "mark", target="b.npy")
+
+    def test_what_a_header_of_las_says_is_told(self):
+        las, _ = self.convert(self.ply("a.ply", [], []), "a.las")
+        self.assertEqual(self.convert(las, "b.ply")[1], [])
+        says = "what the header of the LAS file says: "
+        for at, value, what in ((4, b"\7\0", says + "file source"), (6, b"\x11\0", says + "type of GPS time"),
+                                (26, b"scanner 7\0", says + "system"), (90, b"\1\0\xe8\7", says + "date"),
+                                (6, b"\x14\0", "the waveforms in the file beside it")):
+            content = bytearray(las.read_bytes())
+            content[at:at + len(value)] = value
+            with self.subTest(what=what):
+                self.told("c.las", bytes(content), what)
 
 
 if __name__ == "__main__":

@@ -195,6 +195,21 @@ FileInfo E57Source::info() const {
   return result;
 }
 
+// Points whose state says that their coordinates are a direction only.
+std::uint64_t E57Source::count_directions() const {
+  constexpr double kDirection = 1;
+  std::uint64_t count = 0;
+  std::vector<double> states;
+  for (const Block& block : blocks_) {
+    const ScanPoints& scan = scans_[block.scan];
+    if (!scan.invalid_state) continue;
+    states.resize(static_cast<std::size_t>(block.count));
+    read_values(bytes(), scan, *scan.invalid_state, block.first, states);
+    count += static_cast<std::uint64_t>(std::ranges::count(states, kDirection));
+  }
+  return count;
+}
+
 std::vector<Content> E57Source::contents() const {
   std::vector<Content> result;
   const auto any = [&](const auto& has) { return std::any_of(scans_.begin(), scans_.end(), has); };
@@ -204,6 +219,9 @@ std::vector<Content> E57Source::contents() const {
   if (any([](const ScanPoints& scan) { return scan.is_described; }))
     result.push_back({ContentKind::records, "the names and descriptions of scans"});
   if (images_ > 0) result.push_back({ContentKind::records, counted(images_, "image")});
+  if (const std::uint64_t directions = count_directions(); directions > 0)
+    result.push_back(
+        {ContentKind::records, "the direction of " + counted(directions, "point") + " without a distance"});
   return result;
 }
 

@@ -38,12 +38,15 @@ inline std::string_view get_text(std::string_view bytes, std::size_t place, std:
 
 /// Places in the public header block.
 namespace place {
-inline constexpr std::size_t global_encoding = 6, major = 24, minor = 25, system = 26, software = 58, header_size = 94,
-                             points_begin = 96, record_count = 100, point_format = 104, record_length = 105,
-                             legacy_count = 107, legacy_returns = 111, scale = 131, offset = 155, bounds = 179,
-                             waveform_begin = 227, extended_begin = 235, extended_count = 243, count = 247,
-                             returns = 255;
+inline constexpr std::size_t source = 4, global_encoding = 6, major = 24, minor = 25, system = 26, software = 58,
+                             day = 90, year = 92, header_size = 94, points_begin = 96, record_count = 100,
+                             point_format = 104, record_length = 105, legacy_count = 107, legacy_returns = 111,
+                             scale = 131, offset = 155, bounds = 179, waveform_begin = 227, extended_begin = 235,
+                             extended_count = 243, count = 247, returns = 255;
 }  // namespace place
+
+/// The system of new files.
+inline constexpr std::string_view kOwnSystem = "pointfair";
 
 /// A variable length record: among those before the points or, `extended`, behind them.
 struct Record {

@@ -158,7 +158,7 @@ class NewFile {
     put<std::uint16_t>(front, 6, 16);  // coordinate systems are given as WKT, as formats from 6 on must
     put<std::uint8_t>(front, place::major, 1);
     put<std::uint8_t>(front, place::minor, 4);
-    std::string_view("pointfair").copy(front.data() + place::system, 32);
+    kOwnSystem.copy(front.data() + place::system, 32);
     ("pointfair " + std::string(version())).copy(front.data() + place::software, 32);
     put<std::uint16_t>(front, place::header_size, kHeaderSize);
     put<std::uint8_t>(front, place::point_format, static_cast<std::uint8_t>(format_ | (compression_ ? 0x80 : 0)));

@@ -13,6 +13,26 @@
 namespace pointfair::io {
 namespace las {
 
+namespace {
+
+// What a header says of the whole file beside its coordinate system, where it says something. A new file of pointfair
+// does not.
+std::string set_in_header(std::string_view bytes) {
+  constexpr unsigned kStandardTime = 1;
+  const std::string_view system = get_text(bytes, place::system, 32);
+  std::string set;
+  const auto add = [&](bool is_set, const char* name) {
+    set += is_set ? (set.empty() ? "" : ", ") + std::string(name) : "";
+  };
+  add(get<std::uint16_t>(bytes, place::source) != 0, "file source");
+  add((get<std::uint16_t>(bytes, place::global_encoding) & kStandardTime) != 0, "type of GPS time");
+  add(!system.empty() && system != kOwnSystem, "system");
+  add(get<std::uint16_t>(bytes, place::day) != 0 || get<std::uint16_t>(bytes, place::year) != 0, "date");
+  return set;
+}
+
+}  // namespace
+
 LasSource::LasSource(FileBytes bytes, std::string name, Layout layout, std::unique_ptr<PointStore> store)
     : Source(std::move(bytes), std::move(name), layout.compression ? Format::laz : Format::las,
              layout.compression ? Encoding::binary_compressed : Encoding::binary),
@@ -51,6 +71,9 @@ std::vector<Content> LasSource::contents() const {
         return !is_system(record) && !is_of_points(record);
       }));
   if (others > 0) result.push_back({ContentKind::records, counted(others, "further record") + " of the LAS file"});
+  if (!companions().empty()) result.push_back({ContentKind::records, "the waveforms in the file beside it"});
+  if (const std::string set = set_in_header(bytes()); !set.empty())
+    result.push_back({ContentKind::records, "what the header of the LAS file says: " + set});
   return result;
 }
 

@@ -15,9 +15,18 @@ namespace {
 
 class NpySource final : public RecordSource {
  public:
-  NpySource(bool is_columnar, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
+  NpySource(const Header& header, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
       : RecordSource(std::move(bytes), std::move(name), Format::npy, Encoding::binary, std::move(layout), points),
-        is_columnar_(is_columnar) {}
+        is_columnar_(header.fortran_order && !header.is_structured),
+        shape_(header.shape.begin(), header.shape.end() - (header.is_structured ? 0 : 1)) {}
+
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = RecordSource::contents();
+    std::string sizes;
+    for (const std::uint64_t size : shape_) sizes += (sizes.empty() ? "" : " x ") + std::to_string(size);
+    if (shape_.size() > 1) result.push_back({ContentKind::grid, "the grid of " + sizes + " points"});
+    return result;
+  }
 
   void write(const Edits& edits, Encoding encoding, Output& out) const override {
     if (!is_columnar_) return Source::write(edits, encoding, out);
@@ -35,6 +44,7 @@ class NpySource final : public RecordSource {
 
  private:
   bool is_columnar_;
+  std::vector<std::uint64_t> shape_;  // of the points
 };
 
 // An array of more columns and three or four rows has x in one row, not a point.
@@ -127,8 +137,7 @@ std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name, const
     fail(name, "header promises " + std::to_string(layout.count) + " points, file ends after " +
                    std::to_string(held / layout.record_size) + "; copy the file again");
   const std::string_view points = bytes.view().substr(layout.begin, static_cast<std::size_t>(needed));
-  return std::make_shared<npy::NpySource>(header.fortran_order && !header.is_structured, std::move(bytes), name,
-                                          std::move(layout), points);
+  return std::make_shared<npy::NpySource>(header, std::move(bytes), name, std::move(layout), points);
 }
 
 // N x 3 where there is nothing but coordinates, else records.

@@ -11,8 +11,9 @@ namespace pointfair::io {
 namespace stl {
 namespace {
 
-constexpr std::size_t kHeader = 84, kFacet = 50, kCorners = 12, kWord = 48;  // offsets in a file and in a facet
-constexpr std::uint64_t kBlock = 2048;                                       // facets
+constexpr std::size_t kTitle = 80, kHeader = 84, kFacet = 50, kCorners = 12,
+                      kWord = 48;       // offsets in a file and in a facet
+constexpr std::uint64_t kBlock = 2048;  // facets
 
 class BinarySource final : public Source {
  public:
@@ -37,8 +38,14 @@ class BinarySource final : public Source {
   void extract_block(std::size_t, std::size_t, std::span<char>) const override {}
   void visit_faces(FaceVisitor& visitor) const override { visit_facets(facets_, visitor); }
   std::vector<Content> contents() const override {
-    if (!has_words()) return {};
-    return {{ContentKind::face_values, "the attribute words of facets, in which some programs keep colours"}};
+    std::vector<Content> result;
+    if (has_words())
+      result.push_back(
+          {ContentKind::face_values, "the attribute words of facets, in which some programs keep colours"});
+    const std::string_view title = bytes().substr(0, kTitle);
+    const bool is_blank = title.find_first_not_of(std::string_view(" \0", 2)) == std::string_view::npos;
+    if (!is_blank && !title.starts_with(kOwnTitle)) result.push_back({ContentKind::comments, "the title"});
+    return result;
   }
 
  protected:

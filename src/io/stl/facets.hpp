@@ -7,10 +7,14 @@
 #include <memory>
 #include <span>
 #include <string>
+#include <string_view>
 
 #include "io/source.hpp"
 
 namespace pointfair::io::stl {
+
+/// What new files are called; a binary one not "solid", by which files of text are known.
+inline constexpr std::string_view kOwnName = "pointfair", kOwnTitle = "binary STL written by pointfair";
 
 /// The corners of a facet are the points 3 f, 3 f + 1 and 3 f + 2.
 void visit_facets(std::uint64_t facets, FaceVisitor& visitor);

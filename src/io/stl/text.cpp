@@ -113,6 +113,23 @@ class TextStl final : public TextSource {
 
   void visit_faces(FaceVisitor& visitor) const override { visit_facets(layout().count / 3, visitor); }
 
+  std::vector<Content> contents() const override {
+    std::vector<Content> result = TextSource::contents();
+    std::uint64_t solids = 0, names = 0;
+    std::string_view text = bytes(), line, word;
+    while (next_line(text, line)) {
+      if (!begins_with_word(line = without_blanks(line), "solid")) continue;
+      ++solids;
+      next_word(line, word);
+      const std::string_view name = without_blanks(line);
+      names += !name.empty() && name != kOwnName;
+    }
+    release_all();
+    if (names > 0) result.push_back({ContentKind::groups, counted(names, "name") + " of parts"});
+    if (solids > 1) result.push_back({ContentKind::groups, "the borders of " + counted(solids, "part")});
+    return result;
+  }
+
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override {
     std::string moved;

@@ -29,7 +29,7 @@ std::vector<Triangle> triangles_of(const Table& table) {
 }
 
 void write_binary(const std::vector<Triangle>& triangles, Output& out) {
-  std::string header = "binary STL written by pointfair";  // not "solid", by which files of text are known
+  std::string header(stl::kOwnTitle);
   header.resize(80);
   append_little(header, static_cast<std::uint32_t>(triangles.size()));
   out.write(header);
@@ -42,7 +42,7 @@ void write_binary(const std::vector<Triangle>& triangles, Output& out) {
 }
 
 void write_text(const std::vector<Triangle>& triangles, NativeType type, Output& out) {
-  out.write("solid pointfair\n");
+  out.write("solid " + std::string(stl::kOwnName) + "\n");
   write_rows(out, triangles.size(), [&](std::size_t t, std::string& buffer) {
     buffer += "facet normal";
     for (const float value : stl::normal_of(triangles[t], 0)) append_number(buffer += ' ', value);
@@ -54,7 +54,7 @@ void write_text(const std::vector<Triangle>& triangles, NativeType type, Output&
     }
     buffer += " endloop\nendfacet\n";
   });
-  out.write("endsolid pointfair\n");
+  out.write("endsolid " + std::string(stl::kOwnName) + "\n");
 }
 
 // Looks for a face that STL files can hold.
