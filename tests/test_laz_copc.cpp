@@ -201,13 +201,16 @@ TEST(Copc, WhatALasFileHasBesidePointsIsKept) {
   }
   EXPECT_EQ(copc.least_time, least);
   EXPECT_EQ(copc.most_time, most);
-  EXPECT_FALSE(losses(parse(las, "a.las"), Format::copc).empty());  // the order
+  EXPECT_TRUE(losses(parse(las, "a.las"), Format::copc).empty());  // of few points the order stays
 }
 
 TEST(Copc, CloudsOfOtherFormatsAndOnesThatAreSmallOrFlat) {
   Cloud cloud{.points = {{1, 2, 3}}};
   expect_octree(read_copc(image(cloud, Format::copc)));
+  EXPECT_TRUE(keeps_order(cloud, Format::copc));
   for (int i = 0; i < 9000; ++i) cloud.points.push_back({float(i % 90), float(i / 90), 3});
+  EXPECT_FALSE(keeps_order(cloud, Format::copc));
+  EXPECT_EQ(losses(cloud, Format::copc).size(), 1U);               // the order
   cloud.points.insert(cloud.points.end(), 12000, Point{4, 5, 6});  // many at one place
   cloud.added = {make_attribute<std::uint8_t>("mark", ScalarType::uint8, std::vector<std::uint8_t>(21001, 7))};
   const std::string file = image(cloud, Format::copc);

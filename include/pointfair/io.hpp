@@ -118,6 +118,9 @@ POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {},
                                                  std::optional<Encoding> encoding = {});
 
+/// Whether a file of the format has the cloud's points in their order: COPC files have that of an octree.
+POINTFAIR_EXPORT bool keeps_order(const Cloud& cloud, Format format) noexcept;
+
 /// The cloud without the points of which `removed` is not 0, without the faces that use one of them, and with the other
 /// points, faces and attributes in their order. LAS, LAZ, PCD, PLY and OBJ files keep all else around their points,
 /// unless something unknown may name points; any other file is written anew: losses() tells what it does not keep.

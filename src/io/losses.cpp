@@ -5,6 +5,7 @@
 
 #include "io/contents.hpp"
 #include "io/formats.hpp"
+#include "io/las/octree.hpp"
 #include "io/source.hpp"
 #include "pointfair/io.hpp"
 #include "pointfair/normals.hpp"
@@ -191,11 +192,15 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   const bool copied = io::is_copied(cloud, to, encoding);
   const std::vector<Content> lost = copied ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
   for (std::string& sentence : sentences(lost, to, is_own && !copied)) result.push_back(std::move(sentence));
-  if (to == Format::copc)
+  if (!keeps_order(cloud, to))
     result.push_back("COPC files keep their points in the order of an octree, so the order of the points changes");
   if (to == Format::stl && !copied)
     for (std::string& sentence : io::losses_in_new_stl(cloud)) result.push_back(std::move(sentence));
   return result;
+}
+
+bool keeps_order(const Cloud& cloud, Format format) noexcept {
+  return format != Format::copc || cloud.points.size() <= io::las::kFew;
 }
 
 void check_new_normals(const Cloud& cloud, std::optional<Format> format) {

@@ -140,10 +140,13 @@ class Survey(Case):
 
     def test_copc_says_that_the_order_changes(self):
         if self.is_built_in("run", self.las, self.path("out.copc.laz")):
-            said = self.ok("run", self.las, self.path("again.copc.laz"), "--strength", "0").stderr.decode()
-            self.assertIn("note: COPC files keep their points in the order of an octree", said)
-            self.ok("run", self.path("again.copc.laz"), self.path("back.las"), "--strength", "0", "-q")
-            self.assertEqual(sorted(las_grid(self.path("back.las"))), sorted(las_grid(self.las)))
+            many = write_las(self.path("many.las"), list(ground(72 ** 2)), [2] * 72 ** 2)
+            for las, changes in ((self.las, False), (many, True)):
+                said = self.ok("run", las, self.path("again.copc.laz"), "--strength", "0", "--force").stderr.decode()
+                self.assertEqual("note: COPC files keep their points in the order of an octree" in said, changes, said)
+                self.ok("run", self.path("again.copc.laz"), self.path("back.las"), "--strength", "0", "-q", "--force")
+                self.assertEqual(las_grid(self.path("back.las")) == las_grid(las), not changes)
+                self.assertEqual(sorted(las_grid(self.path("back.las"))), sorted(las_grid(las)))
 
 
 class Normals(Case):

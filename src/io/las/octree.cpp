@@ -13,7 +13,6 @@ namespace {
 
 // The root's cube is cut into 2^7 cells an axis, of which each gives the root one point.
 constexpr int kCellLevels = 7, kLevels = 21, kDeepest = kLevels - kCellLevels;
-constexpr std::size_t kFew = 5000;  // points that are not worth nodes of their own
 constexpr std::size_t kBlock = 65536;
 
 std::uint64_t spread_bits(std::uint64_t value) {  // 21 bits, each third one

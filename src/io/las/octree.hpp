@@ -4,6 +4,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <vector>
@@ -12,6 +13,9 @@
 #include "pointfair/positions.hpp"
 
 namespace pointfair::io::las {
+
+/// So many points are not worth nodes of their own: with as many or fewer there is one node, in the order of the file.
+inline constexpr std::size_t kFew = 5000;
 
 /// The cube of the root, and how far apart its points are.
 struct Cube {
