@@ -23,14 +23,18 @@ struct CertifyArguments {
   bool force = false, quiet = false;
 };
 
-// The reasons that the run marked in the result; empty where it did not.
-std::vector<std::uint8_t> marks_in(const std::string& path, unsigned threads) {
+// The reasons that the run marked in the result, as "outlier", or "outlier_2" where the input had that; empty where it
+// did not.
+std::vector<std::uint8_t> marks_in(const std::string& path, const Cloud& before, unsigned threads) {
   const Cloud cloud = read(path, {.threads = threads});
-  const std::optional<AttributeInfo> info = attribute_info(cloud, "outlier");
-  if (!info || info->type != ScalarType::uint8 || info->components != 1) return {};
-  std::vector<std::uint8_t> result;
-  for (const std::byte mark : attribute(cloud, "outlier").data) result.push_back(std::to_integer<std::uint8_t>(mark));
-  return result;
+  for (const AttributeInfo& info : attributes(cloud)) {
+    if (!info.name.starts_with("outlier") || attribute_info(before, info.name)) continue;
+    if (info.type != ScalarType::uint8 || info.components != 1) continue;
+    std::vector<std::uint8_t> result;
+    for (const std::byte mark : attribute(cloud, info.name).data) result.push_back(std::to_integer<std::uint8_t>(mark));
+    return result;
+  }
+  return {};
 }
 
 void certify(CertifyArguments arguments, std::stop_token stop) {
@@ -55,7 +59,7 @@ void certify(CertifyArguments arguments, std::stop_token stop) {
     job.input = arguments.input;
     job.output = arguments.output;
     job.command = command_text();
-    job.outliers = marks_in(arguments.output, arguments.device.threads);
+    job.outliers = marks_in(arguments.output, before, arguments.device.threads);
     job.threads = arguments.device.threads;
     write_text(arguments.report, result_page(job, before, pipeline, stop));
   }

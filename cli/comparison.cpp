@@ -16,7 +16,24 @@ bool is_same_type(const AttributeInfo& a, const AttributeInfo& b) {
   return a.type == b.type && a.components == b.components;
 }
 
+// Of two types: floats are what the other's values round to.
+std::uint64_t differing_values(const Attribute& a, const Attribute& b, std::size_t points) {
+  if (a.components != b.components) return points;
+  const bool has_floats = a.type == ScalarType::float32 || b.type == ScalarType::float32;
+  const auto is_same = [&](double x, double y) {
+    return x == y || (std::isnan(x) && std::isnan(y)) || (has_floats && static_cast<float>(x) == static_cast<float>(y));
+  };
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < points; ++i) {
+    bool same = true;
+    for (std::uint32_t c = 0; c < a.components; ++c) same = same && is_same(value_at(a, i, c), value_at(b, i, c));
+    count += !same;
+  }
+  return count;
+}
+
 std::uint64_t differing(const Attribute& a, const Attribute& b, std::size_t points) {
+  if (!is_same_type(a, b)) return differing_values(a, b, points);
   if (a.data == b.data) return 0;
   const std::size_t bytes = size_of(a.type) * a.components;
   std::uint64_t count = 0;
@@ -35,10 +52,9 @@ void compare_attributes(const Cloud& before, const Cloud& after, Comparison& res
     if (other == others.end())
       result.lost.push_back(info.name);
     else
-      result.rows.push_back(
-          {info.name, is_same_type(info, *other)
-                          ? differing(attribute(before, info.name), attribute(after, info.name), before.points.size())
-                          : before.points.size()});
+      result.rows.push_back({info.name,
+                             differing(attribute(before, info.name), attribute(after, info.name), before.points.size()),
+                             is_same_type(info, *other)});
   }
   for (const AttributeInfo& info : others)
     if (find(its, info.name) == its.end()) result.added.push_back(info.name);
@@ -78,6 +94,11 @@ void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) 
   result.displacement = summarize(lengths);
 }
 
+bool is_octree(const Cloud& cloud) {
+  const std::vector<FileInfo::Row> rows = file_info(cloud).rows;
+  return !rows.empty() && rows.front().value.ends_with(", COPC");
+}
+
 }  // namespace
 
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {
@@ -88,6 +109,10 @@ Comparison compare_copies(const Cloud& before, const Cloud& after, const std::st
                                              before.points.size() > after.points.size()
                                                  ? ". Where outliers were removed, --report of that run makes the page"
                                                  : ""));
+  if (is_octree(after) && !keeps_order(after, Format::copc))
+    throw Error(ErrorKind::file, names +
+                                     ": COPC files have their points in the order of an octree, so that no point of "
+                                     "one can be found in the other; write LAZ, and make the COPC file of that");
   Comparison result;
   measure_moves(before, after, result);
   compare_attributes(before, after, result);

@@ -17,6 +17,7 @@ struct Comparison {
   struct Row {
     std::string what;
     std::uint64_t differ = 0;
+    bool has_bytes = true;  ///< values of one type were compared
   };
   std::vector<float> moved;  ///< how far each point moved, in file units; NaN where a position is not finite
   std::uint64_t kept = 0;    ///< points at their old place
@@ -27,7 +28,7 @@ struct Comparison {
 };
 
 /// `names` are those of the files, for errors. Throws ErrorKind::file if the numbers of points differ: then points
-/// cannot be told from each other. O(N) for each attribute.
+/// cannot be told from each other; and if an octree gave those of `after` another order. O(N) for each attribute.
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names);
 
 }  // namespace pointfair::cli

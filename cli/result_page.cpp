@@ -304,7 +304,9 @@ class PageMaker {
                      removed == 0 ? "as many as before" : counted(removed) + " removed as outliers",
                      job_.run ? "in the same order" : "each compared with the one at its place in the file")});
     for (const Comparison::Row& row : copy_.rows)
-      rows.push_back({row.what, row.differ == 0 ? "the same, byte for byte" : counted(row.differ) + " differ"});
+      rows.push_back({row.what, row.differ != 0 ? counted(row.differ) + " differ"
+                                : row.has_bytes ? "the same, byte for byte"
+                                                : "the same values, stored in another type"});
     if (const auto differ = copy_.faces_that_differ)
       rows.push_back({"corners of the faces", *differ == 0 ? "the same" : counted(*differ) + " faces differ"});
     for (const std::string& name : copy_.lost) rows.push_back({name, "not there"});

@@ -69,6 +69,16 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
   pipeline.load(without_ignored(limits, cloud));
 }
 
+// A page compares points by their order.
+void check_order(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  if (!is_page(arguments.report)) return;
+  const Format format = options.format ? *options.format : format_to_write(arguments.output, Format::ply);
+  if (!keeps_order(cloud, format))
+    throw Error(ErrorKind::usage,
+                "a page compares points by their order, which is that of an octree in COPC files; write LAZ, and make "
+                "the COPC file of that");
+}
+
 // Whether the output has the points of the input and nothing that a run finds.
 bool only_copies(const RunArguments& arguments, const Params& params, const Limits& limits) {
   return limits.strength == 0 && params.outliers != Outliers::mark && arguments.normals == "keep" &&
@@ -105,6 +115,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   const WriteOptions write_options = write_options_of(arguments);
   check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
+  check_order(arguments, cloud, write_options);
   check_outlier_action(arguments.outlier_action, cloud, arguments.output, write_options);
   if (!arguments.write_noise.empty()) check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
   if (!arguments.write_displacement.empty())

@@ -182,6 +182,43 @@ class Pages(Case):
         write_ply(self.path("short.ply"), points[1:])
         self.fails(3, "certify", self.scan, self.path("short.ply"), "--report", self.path("s.html"), says=["4000", "3999"])
 
+    def test_certify_compares_values_of_other_types(self):
+        points = [(i % 20, i // 20, 0.01 * (i % 7)) for i in range(400)]
+        extra = [("double", "count", [float(i % 9) for i in range(400)]), ("float", "share", [i / 7 for i in range(400)])]
+        write_ply(self.scan, points, extra=extra)
+        table = self.path("out.csv")
+        self.ok("run", self.scan, table, "--strength", "0", "-q")
+        self.ok("certify", self.scan, table, "--report", self.html, "-q")
+        page = Page(self.html)
+        self.assertEqual(page.rows["count"], [["the same values, stored in another type"]])
+        self.assertEqual(page.rows["share"], [["the same, byte for byte"]])
+        lines = table.read_text().splitlines()
+        lines[7] = lines[7].replace(",6,", ",7,")
+        table.write_text("\n".join(lines) + "\n")
+        self.ok("certify", self.scan, table, "--report", self.html, "-q", "--force")
+        self.assertEqual(Page(self.html).rows["count"], [["1 differ"]])
+
+    def test_certify_takes_the_marks_that_are_new(self):
+        vertices = read_ply(self.scan)
+        points = [(v["x"], v["y"], v["z"]) for v in vertices]
+        write_ply(self.scan, [*points, (9.0, 9.0, 9.0)], extra=[("uchar", "outlier", [1] * (len(points) + 1))])
+        self.ok("run", self.scan, self.out, "--outliers", "mark", "-q")
+        marked = sum(vertex["outlier_2"] != 0 for vertex in read_ply(self.out))
+        self.assertTrue(0 < marked < len(points))
+        self.ok("certify", self.scan, self.out, "--report", self.html, "-q")
+        self.assertTrue(Page(self.html).rows["outliers"][0][0].startswith(f"{marked} ("))
+
+    def test_pages_know_that_copc_has_another_order(self):
+        points = [(x * 0.1, y * 0.1, 0.001 * ((7 * x + y) % 5)) for x in range(80) for y in range(80)]
+        tile, copc = write_las(self.path("in.las"), points, [2] * len(points)), self.path("out.copc.laz")
+        self.ok("run", tile, copc, "--strength", "0", "-q")
+        self.fails(3, "certify", tile, copc, "--report", self.html, says=["order of an octree", "write LAZ"])
+        self.fails(2, "run", tile, self.path("b.copc.laz"), "--report", self.html, says=["order", "write LAZ"])
+        few = write_las(self.path("few.las"), points[:1000], [2] * 1000)
+        self.ok("run", few, copc, "--strength", "0", "-q", "--force")
+        self.ok("certify", few, copc, "--report", self.html, "-q")
+        self.assertEqual(Page(self.html).rows["classification"], [["the same, byte for byte"]])
+
     def test_certify_says_what_of_faces_it_compared(self):
         points, faces = [(i % 20, i // 20, 0.01 * (i % 7)) for i in range(400)], [(i, i + 1, i + 20) for i in range(379)]
         write_ply(self.scan, points, faces)
