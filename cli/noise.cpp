@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // pointfair noise IN OUT: a noisy cloud made from a mesh or a cloud.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 
 #include "arguments.hpp"
@@ -41,6 +44,18 @@ Cloud sample(const Cloud& mesh, const NoiseArguments& arguments) {
       .points = sample_surface(mesh.points, faces, *arguments.points, arguments.uneven.value_or(1), arguments.seed)};
 }
 
+// Sampled points are new ones, with nothing but their place; faces are what they are sampled from.
+std::string lost_by_sampling(const Cloud& mesh) {
+  constexpr std::size_t kListed = 5;
+  std::vector<std::string> lost = contents(mesh);
+  if (lost.empty()) return {};
+  if (lost.size() > kListed) {
+    lost.resize(kListed);
+    lost.emplace_back("more");
+  }
+  return fmt::format("the sampled points have positions only, and the result lacks {}", fmt::join(lost, ", "));
+}
+
 // `diagonal` is that of what was read; the spacing is that of the points that get the noise.
 double in_file_units(Length length, double diagonal, const Cloud& cloud, std::stop_token stop) {
   if (length.unit == Length::Unit::percent) return length.value * diagonal / 100;
@@ -68,7 +83,14 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
   const auto limit = limit_threads(arguments.threads);
   Cloud cloud = read(arguments.input, make_read_options(arguments.in, arguments.threads));
   const double diagonal = bounding_box(cloud.points).diagonal();
-  if (arguments.points) cloud = sample(cloud, arguments);
+  std::vector<std::string> notes;
+  if (arguments.points) {
+    const std::string lost = lost_by_sampling(cloud);
+    if (!lost.empty() && write_options.strict)
+      throw Error(ErrorKind::file, fmt::format("{}: {}; leave out --strict", arguments.output, lost));
+    if (!lost.empty()) notes.push_back(lost);
+    cloud = sample(cloud, arguments);
+  }
   const double width = in_file_units(sigma, diagonal, cloud, stop);
   if (width > 0) add_noise(cloud.points, width, arguments.seed);
   if (outliers > 0) add_outliers(cloud.points, outliers, arguments.seed);
@@ -77,8 +99,8 @@ void noise(const NoiseArguments& arguments, std::stop_token stop) {
   print_message("{} points, sigma {:.6g}\n", cloud.points.size(), width);
   if (width == 0 && outliers == 0 && !arguments.points)
     print_message("note: no noise was added; --sigma gives its width, as 0.3% of the diagonal\n");
-  for (const std::string& note : losses(cloud, write_options.format, write_options.encoding))
-    print_message("note: {}\n", note);
+  std::ranges::move(losses(cloud, write_options.format, write_options.encoding), std::back_inserter(notes));
+  for (const std::string& note : notes) print_message("note: {}\n", note);
 }
 
 }  // namespace

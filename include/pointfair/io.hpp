@@ -118,6 +118,10 @@ POINTFAIR_EXPORT bool takes_attributes(Format format) noexcept;
 POINTFAIR_EXPORT std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format = {},
                                                  std::optional<Encoding> encoding = {});
 
+/// What the cloud and its file hold beside positions and faces, in words: "the colours", "the attribute q", "2
+/// comments".
+POINTFAIR_EXPORT std::vector<std::string> contents(const Cloud& cloud);
+
 /// Whether a file of the format has the cloud's points in their order: COPC files have that of an octree.
 POINTFAIR_EXPORT bool keeps_order(const Cloud& cloud, Format format) noexcept;
 

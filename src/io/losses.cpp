@@ -199,6 +199,16 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   return result;
 }
 
+std::vector<std::string> contents(const Cloud& cloud) {
+  using enum ContentKind;
+  constexpr std::array kOfOthers = {fine_colors, some_colors, intensity, names, wide_integers, faces, invalid_points};
+  std::vector<std::string> result;
+  for (const Content& content : io::contents_of(cloud))
+    if (std::ranges::find(kOfOthers, content.kind) == kOfOthers.end())
+      result.push_back(content.kind == numbers ? attributes_told(content.what) : content.what);
+  return result;
+}
+
 bool keeps_order(const Cloud& cloud, Format format) noexcept {
   return format != Format::copc || cloud.points.size() <= io::las::kFew;
 }

@@ -158,6 +158,16 @@ class Contents(Conversion):
             with self.subTest(what=what):
                 self.told("c.las", bytes(content), what)
 
+    def test_what_sampling_leaves_behind_is_told(self):
+        mesh = self.put("a.obj", f"# by hand\n{VERTICES}f 1 2 12\nf 1 12 11\n")
+        words = ["noise", mesh, self.path("b.ply"), "--points", "50"]
+        said = self.ok(*words).stderr.decode()
+        self.assertIn("note: the sampled points have positions only, and the result lacks 1 comment\n", said)
+        self.fails(3, *words, "--force", "--strict", says=["b.ply", "1 comment", "leave out --strict"])
+        plain = self.put("p.obj", f"{VERTICES}f 1 2 12\nf 1 12 11\n")
+        said = self.ok("noise", plain, self.path("c.ply"), "--points", "50", "--strict").stderr.decode()
+        self.assertNotIn("note: the sampled", said)
+
 
 if __name__ == "__main__":
     unittest.main()
