@@ -174,7 +174,11 @@ std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
     lost.push_back({ContentKind::numbers, added});
     return lost;
   }
-  if (io::keeps(format, ContentKind::names) == Keeps::noted) return {{ContentKind::names, added}};
+  if (io::keeps(format, ContentKind::names) == Keeps::noted) {
+    for (const std::string& name : cloud.source->names_by_place()) lost.push_back({ContentKind::names, name});
+    lost.push_back({ContentKind::names, added});
+    return lost;
+  }
   if (io::family(format) != Format::las) return {};
   for (const Attribute& attribute : cloud.added)
     if (attribute.name.size() > io::kLongestLasName) lost.push_back({ContentKind::names, attribute.name});

@@ -36,6 +36,9 @@ class PlacedSource final : public Source {
   FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
   std::vector<std::string> losses(Encoding to) const override;
   std::vector<Content> contents() const override { return file_ ? file_->contents() : std::vector<Content>{}; }
+  std::vector<std::string> names_by_place() const override {
+    return file_ ? file_->names_by_place() : std::vector<std::string>{};
+  }
   std::string why_fixed(std::size_t column) const override { return file_ ? file_->why_fixed(column) : std::string(); }
   std::vector<std::string> companions() const override;
 

@@ -35,6 +35,7 @@ class RemainingSource final : public Source {
   bool says_sensor() const override { return file_->says_sensor(); }
   FileInfo info() const override { return of_some_points(file_->info()); }
   std::vector<Content> contents() const override { return file_->contents(); }
+  std::vector<std::string> names_by_place() const override { return file_->names_by_place(); }
   std::string why_fixed(std::size_t column) const override { return file_->why_fixed(column); }
   std::vector<std::string> losses(Encoding to) const override;
   std::vector<std::string> companions() const override;

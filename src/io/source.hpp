@@ -127,6 +127,8 @@ class Source {
   virtual std::string why_fixed(std::size_t) const { return {}; }
   /// What the file holds beside points, attributes and faces.
   virtual std::vector<io::Content> contents() const { return {}; }
+  /// Names of attributes that follow from the number of columns, so that a copy with a further one loses them.
+  virtual std::vector<std::string> names_by_place() const { return {}; }
   /// What of this file a copy in its own format and this encoding does not keep, a sentence each.
   virtual std::vector<std::string> losses(Encoding) const { return {}; }
 

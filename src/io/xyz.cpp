@@ -23,6 +23,11 @@ class XyzSource : public TextSource {
     return result;
   }
 
+  std::vector<std::string> names_by_place() const override {
+    if (!front_.is_by_place) return {};
+    return {front_.names.begin() + 3, front_.names.begin() + std::ptrdiff_t(front_.named)};
+  }
+
  protected:
   std::string header(const AddedAttributes& added) const override {
     std::string text(bytes().substr(0, front_.end));

@@ -224,6 +224,7 @@ class FrontReader {
       for (const std::string_view line : front_lines_) check_title(line, words.size());
       front_.has_titles = front_.has_titles || !front_lines_.empty() || !remark_.names.empty();
       front_.names = usual_names(format_, name_, words.size());
+      front_.is_by_place = true;
       if (begins_with_numbers_of_points())
         fail(name_,
              "the first column numbers the points, so it is no coordinate; name the columns, as with --columns "

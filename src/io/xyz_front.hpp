@@ -21,6 +21,7 @@ struct XyzFront {
   char decimal = '.';              ///< or ','
   std::vector<std::string> names;  ///< of all columns
   std::size_t named = 0;           ///< how many of them the file or the options name
+  bool is_by_place = false;        ///< names follow from how many columns there are
   AxisColumns coordinates{0, 1, 2};
   std::size_t names_end = 0;  ///< where the line with the names takes further ones; 0: there is none
   char names_separator = ' ';

@@ -107,6 +107,16 @@ class Names(Conversion):
         wanted = {"red": "7", "colorRed_2": "6", "timeStamp": "10", "timeStamp_2": "11", "cartesianX_2": "12"}
         self.assertEqual({name: row[names.index(name)] for name in wanted}, wanted)
 
+    def test_names_that_a_further_column_takes_away_are_told(self):
+        keep = "CSV, PLY and PCD keep names"
+        colored = "".join(f"{row} 700 1 2 3\n" for row in ROWS.splitlines())
+        told = "the attributes intensity, red, green, blue, outlier stand there without their names; " + keep
+        _, lost = self.convert(self.put("a.pts", "100\n" + colored), "b.pts", "--outliers", "mark")
+        self.assertEqual(lost, ["note: PTS files do not name their columns, so " + told])
+        told = "the attribute outlier stands there without its name; " + keep
+        _, lost = self.convert(self.put("a.xyz", colored), "b.xyz", "--outliers", "mark")
+        self.assertEqual(lost, ["note: XYZ files do not name their columns, so " + told])
+
 
 class Contents(Conversion):
     def told(self, name, content, what, *words, target="b.ply"):
