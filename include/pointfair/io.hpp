@@ -126,9 +126,9 @@ POINTFAIR_EXPORT std::vector<std::string> contents(const Cloud& cloud);
 POINTFAIR_EXPORT bool keeps_order(const Cloud& cloud, Format format) noexcept;
 
 /// The cloud without the points of which `removed` is not 0, without the faces that use one of them, and with the other
-/// points, faces and attributes in their order. LAS, LAZ, PCD, PLY and OBJ files keep all else around their points,
-/// unless something unknown may name points; any other file is written anew: losses() tells what it does not keep.
-/// Throws ErrorKind::usage unless there is one value for each point, and if no point is left. O(N).
+/// points, faces and attributes in their order. LAS, LAZ, PCD, PLY, OBJ and text files keep all else around their
+/// points, unless something unknown may name points; any other file is written anew: losses() tells what it does not
+/// keep. Throws ErrorKind::usage unless there is one value for each point, and if no point is left. O(N).
 POINTFAIR_EXPORT Cloud without_points(const Cloud& cloud, std::span<const std::uint8_t> removed);
 
 /// Throws ErrorKind::usage if the normals of the cloud cannot be replaced in a file of the format, unset: its own.

@@ -4,6 +4,7 @@
 
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
+#include "io/parallel.hpp"
 #include "io/text_source.hpp"
 #include "io/xyz_front.hpp"
 
@@ -14,6 +15,20 @@ class XyzSource : public TextSource {
  public:
   XyzSource(XyzFront front, FileBytes bytes, const std::string& name, Format format, TextLayout layout)
       : TextSource(std::move(bytes), name, format, std::move(layout)), front_(std::move(front)) {}
+
+  // Counts of rows would have to follow.
+  bool leaves_points_out() const override { return !front_.count; }
+
+  void write(const Edits& edits, Encoding encoding, Output& out) const override {
+    if (edits.removed.empty()) return TextSource::write(edits, encoding, out);
+    out.write(header(edits.added));
+    write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
+      std::string whole;
+      append_block(block, moves(block, edits), edits, whole);
+      append_remaining(whole, edits.removed.subspan(static_cast<std::size_t>(block_begin(block))), buffer);
+    });
+    out.write(tail());
+  }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
@@ -47,6 +62,16 @@ class XyzSource : public TextSource {
   }
 
  private:
+  // All lines of the text but rows of points that are removed.
+  void append_remaining(std::string_view text, std::span<const std::uint8_t> removed, std::string& to) const {
+    const char* begin = text.data();
+    std::size_t point = 0;
+    for (std::string_view line; next_row(text, line, layout().shape); begin = text.data()) {
+      if (is_row(line, layout().shape.rule) && removed[point++] != 0) continue;
+      to.append(begin, text.data());
+    }
+  }
+
   // Each stands behind a line with its count.
   std::uint64_t count_scans() const {
     std::uint64_t scans = 1;

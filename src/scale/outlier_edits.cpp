@@ -52,7 +52,7 @@ std::string why_none_leave(const Source& source) {
          (is_usual
               ? ": what this file holds beside its points may tell them by their number, so a run in tiles on disk "
                 "cannot leave points out; use "
-              : ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY and OBJ files only; use ") +
+              : ": a run in tiles on disk leaves points out of LAS, LAZ, PCD, PLY, OBJ and text files only; use ") +
          (can_mark ? "--outliers mark, or " : "") + "--each to treat every file on its own";
 }
 

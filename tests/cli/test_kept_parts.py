@@ -178,6 +178,16 @@ class Contents(Conversion):
         said = self.ok("noise", plain, self.path("c.ply"), "--points", "50", "--strict").stderr.decode()
         self.assertNotIn("note: the sampled", said)
 
+    def test_a_text_without_its_outliers_keeps_its_dialect(self):
+        front = "\ufeffRechtswert;Hochwert;Höhe;Art\r\n# by hand\r\n"
+        rest = [f"{x};{y};{z};oak".replace(".", ",") + "\r\n" for x, y, z in POINTS]
+        text = front + "".join(rest[:50]) + "4;4;70,5;ash\r\n\r\n" + "".join(rest[50:])
+        table = self.put("a.csv", text)
+        for words in ([], ["--tiles", 2]):
+            less, lost = self.convert(table, "b.csv", "--outliers", "remove", "--strength", "0", *words)
+            self.assertEqual(lost, [])
+            self.assertEqual(less.read_bytes().decode(), text.replace("4;4;70,5;ash\r\n", "", 1))
+
 
 if __name__ == "__main__":
     unittest.main()

@@ -342,9 +342,9 @@ class Classes(Case):
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
-        self.path("in.xyz").write_text("".join("%r %r %r\n" % p for p in self.points))
-        self.fails(2, "run", self.path("in.xyz"), self.path("o.xyz"), "--outliers", "remove", "--tiles", "2",
-                   says=["in.xyz", "LAS, LAZ, PCD, PLY and OBJ", "--outliers mark", "--each"])
+        self.path("in.off").write_text(f"OFF\n{len(self.points)} 0 0\n" + "".join("%r %r %r\n" % p for p in self.points))
+        self.fails(2, "run", self.path("in.off"), self.path("o.off"), "--outliers", "remove", "--tiles", "2",
+                   says=["in.off", "LAS, LAZ, PCD, PLY, OBJ and text", "--outliers mark", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
     def test_a_refusal_of_tiles_says_why_and_what_does_it(self):
