@@ -37,6 +37,7 @@ class PartsReader {
     for_each_line(text_, [&](ObjLine kind, std::string_view words, std::string_view line) {
       so_far_.take(kind);
       if (kind == ObjLine::normal) normals_.push_back(numbers<3>(words));
+      if (kind == ObjLine::texture) third_textures_ += has_third(words);
       if (kind == ObjLine::face && parts_.damage.empty()) take_face(words, line);
       if (kind == ObjLine::other) take_other(words);
     });
@@ -64,6 +65,14 @@ class PartsReader {
     if (const auto word = corners.damaged())
       parts_.damage = "line " + std::to_string(line_number(text_.file, line.data())) + ": " + quoted(*word) +
                       " is no point of the file; repair the line";
+  }
+
+  // Of texture coordinates; 0 stands for none.
+  static bool has_third(std::string_view words) {
+    std::string_view word;
+    for (int i = 0; i < 3; ++i)
+      if (!next_word(words, word)) return false;
+    return to_number(word).value_or(0) != 0;
   }
 
   // Lines of texture coordinates may follow the faces that name them.
@@ -148,6 +157,9 @@ class PartsReader {
   }
 
   void tell() {
+    if (third_textures_ > 0)
+      parts_.contents.push_back(
+          {ContentKind::elements, counted(third_textures_, "third value") + " of texture coordinates"});
     if (others_ > 0)
       parts_.contents.push_back({ContentKind::elements, counted(others_, "line") + " with edges, curves or others"});
     for (const std::string& told : materials_) parts_.contents.push_back({ContentKind::materials, told});
@@ -158,7 +170,7 @@ class PartsReader {
   LinesSoFar so_far_;
   ObjParts parts_;
   bool differ_ = false, names_later_ = false, names_others_ = false;
-  std::uint64_t groups_ = 0, others_ = 0;
+  std::uint64_t groups_ = 0, others_ = 0, third_textures_ = 0;
   std::vector<ObjNormals::Normal> normals_;
   std::vector<std::uint32_t> of_points_;
   std::vector<bool> textures_used_;

@@ -188,6 +188,10 @@ class Contents(Conversion):
             self.assertEqual(lost, [])
             self.assertEqual(less.read_bytes().decode(), text.replace("4;4;70,5;ash\r\n", "", 1))
 
+    def test_third_texture_coordinates_are_told(self):
+        mesh = f"{VERTICES}vt 0 0 0.5\nvt 1 0 0\nvt 1 1\nf 1/1 2/2 12/3\n"
+        self.told("a.obj", mesh, "1 third value of texture coordinates")
+
 
 if __name__ == "__main__":
     unittest.main()
