@@ -65,7 +65,9 @@ def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: 
     after[movable] = _iterate(before[movable], step, params, device, threads)
     movable &= _within(before, as_mask(mask, len(before), layout.grid), box) & np.isfinite(after).all(axis=1)
     result = given.copy()
-    result[movable] = before[movable] + strength * (after[movable] - before[movable])
+    from_there = before[movable]
+    to = from_there + strength * (after[movable] - from_there)
+    result[movable] = np.where(to == from_there, from_there, to)  # -0.0 stays
     out = array.copy()
     out[..., :3] = result.reshape(*layout.grid, 3)
     return out if layout.wrap is None else layout.wrap(out)
@@ -83,8 +85,8 @@ def _iterate(points: NDArray[np.float64], step: Step, params: Params, device: st
     k = _NEIGHBORS if params.k == "auto" else int(params.k)
     if len(points) < 4:
         return points
-    centre = np.round(points.mean(axis=0))
-    points = points - centre
+    before, centre = points, np.round(points.mean(axis=0))
+    points = around = before - centre
     once = params.replace(iterations=1)
     with borrowed(device, threads) as pipeline:
         for _ in range(1 if params.iterations == "auto" else int(params.iterations)):
@@ -98,7 +100,7 @@ def _iterate(points: NDArray[np.float64], step: Step, params: Params, device: st
             if moved.shape != points.shape or moved.dtype.kind != "f":
                 raise UsageError(f"step returned {moved.shape} of {moved.dtype}: return the new points, {points.shape} of float64")
             points = np.where(np.isfinite(moved).all(axis=1)[:, None], moved, points)
-    result: NDArray[np.float64] = points + centre
+    result: NDArray[np.float64] = np.where(points == around, before, points + centre)  # which has fewer digits
     return result
 
 

@@ -64,6 +64,17 @@ def test_images_invalid_pixels_and_what_is_not_finite_keep_their_place():
     assert np.allclose(result[~invalid], points[~invalid] + (0, 0, 1), atol=1e-6)
 
 
+@pytest.mark.parametrize("step", [lambda points, *more: np.full_like(points, np.nan), lambda points, *more: points.copy()], ids=["NaN", "same"])
+@pytest.mark.parametrize("offset", [0, 5, 1e6 / 3])
+def test_points_that_a_step_leaves_keep_their_bits(step, offset):
+    points = POINTS * (20, 20, 1) + offset
+    points[::7, 2] = -0.0
+    for given in (points, points.astype(np.float32)):
+        assert same_bits(pf.denoise(given, step=step), given)
+        assert same_bits(pf.denoise(given, step=step, strength=0.3), given)
+        assert same_bits(pf.denoise(given, step=lambda rows, *more: rows + 1, strength=0), given)
+
+
 def test_limits_act_on_the_result_as_in_other_runs():
     mask, box = POINTS[:, 1] < 0.5, ((0, 0, -1), (0.5, 1, 1))
     full = pf.denoise(POINTS, step=laplacian, k=12)
