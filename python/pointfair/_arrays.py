@@ -263,7 +263,13 @@ def as_viewpoint(viewpoint: Any, points: int, grid: tuple[int, ...] = ()) -> np.
 
 def as_faces(faces: Any) -> np.ndarray[Any, np.dtype[np.uint32]]:
     """Faces of as many corners each, as rows of point numbers."""
-    array = np.asarray(faces) if isinstance(faces, (list, tuple)) else as_numpy(faces, "faces")
+    if isinstance(faces, (list, tuple)):
+        try:
+            faces = np.asarray(faces)
+        except ValueError:
+            raise UsageError("faces have different numbers of corners: give one number for all, (F, 3) integers for triangles, "
+                             "(F, 4) for quads") from None
+    array = as_numpy(faces, "faces")
     if array.dtype.kind not in "iu" or array.ndim != 2 or array.shape[1] < 3:
         raise UsageError(f"faces has the shape {array.shape} and the type {array.dtype}: give the point numbers of each "
                          "face, (F, 3) integers for triangles, (F, 4) for quads")

@@ -2,9 +2,10 @@
 """Clouds of files: positions, attributes, and everything else that the file holds."""
 from __future__ import annotations
 
+import operator
 import os
 import warnings
-from typing import TYPE_CHECKING, Any, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -201,12 +202,24 @@ def read(path: str | os.PathLike[str], *, format: str | None = None, columns: Se
     of the file, invalid ones included. `columns` names the columns of a text from the left, "x", "y" and "z" among them,
     where the file does not; `skip` lines at its front are passed over. Raises FileError with path, place and reason."""
     names = _column_names(columns)
-    return Cloud._of(_native.read(_path(path), _optional(format, "format"), names, max(0, int(skip)), as_threads(threads)))
+    return Cloud._of(_native.read(_path(path), _optional(format, "format"), names, _as_lines(skip), as_threads(threads)))
+
+
+def _as_lines(skip: Any) -> int:
+    try:
+        number = -1 if isinstance(skip, (bool, np.bool_)) else operator.index(skip)
+    except TypeError:
+        number = -1
+    if not 0 <= number < 2**63:
+        raise UsageError(f"skip cannot be {skip!r}: give the number of lines to pass over, a whole number from 0")
+    return number
 
 
 def _column_names(columns: Any) -> list[str]:
     if isinstance(columns, str):
         raise UsageError(f"columns is a str: give a list of names, {columns.split(',')} for instance")
+    if not isinstance(columns, Iterable):
+        raise UsageError(f"columns is {kind_of(columns)}: give a list of names, ['x', 'y', 'z'] for instance")
     names = [as_text(name, "the name of a column") for name in columns]
     if names and not all(names.count(axis) == 1 for axis in "xyz"):
         raise UsageError(f"columns cannot be {names}: 'x', 'y' and 'z' must be there, once each")
@@ -215,7 +228,10 @@ def _column_names(columns: Any) -> list[str]:
 
 def _path(path: Any) -> bytes:
     try:
-        return os.fsencode(path)
+        encoded = os.fsencode(path)
+        if b"\0" in encoded:  # where the library's paths end
+            raise UsageError(f"path cannot be {path!r}: no name of a file has a zero in it")
+        return encoded
     except (TypeError, UnicodeEncodeError):
         shown = f"cannot be {path!r}" if isinstance(path, str) else f"is {kind_of(path)}"
         raise UsageError(f"path {shown}: give a text or a pathlib.Path") from None

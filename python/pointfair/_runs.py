@@ -122,8 +122,8 @@ def set_weights(pipeline: _native.Pipeline, weights: Any) -> None:
         try:
             with open(path, "rb") as file:
                 content = file.read()
-        except OSError as error:
-            raise FileError(f"{os.fsdecode(path)}: cannot be read: {error.strerror}") from None
+        except (OSError, ValueError) as error:  # ValueError: a zero in the name
+            raise FileError(f"{os.fsdecode(path)}: cannot be read: {getattr(error, 'strerror', error)}") from None
         pipeline.set_weights(content or b"-", os.fsdecode(path))
 
 

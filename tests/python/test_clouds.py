@@ -293,11 +293,30 @@ def test_arguments_in_each_others_place_are_named(tmp_path):
 
 
 @pytest.mark.parametrize("columns, says", [("x,y,z", r"columns is a str: give a list of names, \['x', 'y', 'z'\]"), (["a", "b", "c"], "once each"),
-                                           (["x", "y", "z", "x"], "once each"), ([3], "name of a column")])
+                                           (["x", "y", "z", "x"], "once each"), ([3], "name of a column"),
+                                           (5, "columns is an int"), (None, "columns is None")])
 def test_columns_are_names_with_coordinates(tmp_path, columns, says):
     (tmp_path / "a.csv").write_text("1,2,3\n")
     with pytest.raises(pf.UsageError, match=says):
         pf.read(tmp_path / "a.csv", columns=columns)
+
+
+@pytest.mark.parametrize("skip", ["x", None, 2**70, -1, 1.5, True])
+def test_lines_to_skip_are_a_whole_number(tmp_path, skip):
+    (tmp_path / "a.csv").write_text("1,2,3\n")
+    with pytest.raises(pf.UsageError, match="^skip cannot be"):
+        pf.read(tmp_path / "a.csv", skip=skip)
+
+
+def test_a_path_with_a_zero_is_refused_rather_than_cut(tmp_path):
+    for path in (f"{tmp_path}/a.ply\0b.pcd", f"{tmp_path}/a.ply\0b.pcd".encode()):
+        with pytest.raises(pf.UsageError, match="no name of a file has a zero in it"):
+            pf.write(path, waves(5))
+        with pytest.raises(pf.UsageError, match="no name of a file has a zero in it"):
+            pf.read(path)
+    with pytest.raises(pf.FileError, match="cannot be read"):
+        pf.denoise(waves(50), method="learned", weights=f"{tmp_path}/a.ply\0b.pcd")
+    assert not list(tmp_path.iterdir())
 
 
 def test_messages_of_the_library_name_arguments_of_python(tmp_path):

@@ -37,7 +37,7 @@ def test_quads_and_triangles_of_one_pipeline():
     assert pipeline.run() is not None and pipeline.report.mesh is None
 
 
-@pytest.mark.parametrize("faces, text", [(None, "needs faces"), ([[0, 1, 900]], "corner 900"), ([[0, 1]], "triangles"),
+@pytest.mark.parametrize("faces, text", [(None, "needs faces"), ([[0, 1, 900]], "corner 900"), ([[0, 1]], "triangles"), ([[0, 1, 2], [0, 1, 2, 3]], "different numbers of corners"),
                                          ([[0, -1, 2]], "from 0"), ([[0.5, 1, 2]], "integers")])
 def test_wrong_faces(faces, text):
     with pytest.raises(pf.UsageError, match=text):
