@@ -39,11 +39,16 @@ Numbers group_block(const Source& source, std::size_t block, const Zones& zones,
   std::vector<Position> values(points.size());
   source.positions(block, values);
   for (std::size_t i = 0; i < points.size(); ++i) {
-    group_of[i] = Grouped::kNone;
-    if (!is_indexed(points[i])) continue;
-    const Group group{tree.leaf_of(points[i]), zones.zone_of(values[i])};
+    group_of[i] = is_indexed(points[i]) ? 0 : Grouped::kNone;
+    if (group_of[i] == 0) points[i] = offset(values[i], zones.middle_of(zones.zone_of(values[i])));
+  }
+  // Leaves go by what is stored, so that points at one place are in one leaf. In a loop of its own: where GCC 12 has
+  // the double at hand that became the float, it leaves out that this rounded it.
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    if (group_of[i] == Grouped::kNone) continue;
+    const Zone zone = zones.zone_of(values[i]);
+    const Group group{tree.leaf_of(shifted(points[i], difference(zones.middle_of(zone), zones.origin))), zone};
     group_of[i] = numbers.try_emplace(group, std::uint32_t(numbers.size())).first->second;
-    points[i] = offset(values[i], zones.middle_of(group.zone));
   }
   return numbers;
 }
