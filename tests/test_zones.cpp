@@ -184,8 +184,10 @@ TEST_F(WideCloud, is_the_same_points_from_wherever_it_is_seen) {
     std::vector<Point> found, kept, expected;
     for (const Point& p : all)
       if (point::is_inside(region, to_vec3(p))) expected.push_back(p);
-    ASSERT_TRUE(here.append(region, {}, points_.size(), found));
+    std::vector<std::uint32_t> copies;
+    ASSERT_TRUE(here.append(region, {}, points_.size(), found, copies));
     EXPECT_EQ(set_of(found), set_of(expected));
+    EXPECT_TRUE(copies.empty());
     KeptLeaves leaves(cloud, points_.size());
     for (int look = 0; look < 2; ++look) {
       ASSERT_TRUE(leaves.load(here, region, points_.size(), kept));

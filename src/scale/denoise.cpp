@@ -138,14 +138,15 @@ class Tile final : public Denoising, private PointStore {
         numbers.push_back(std::uint32_t(at));
       }
     }
-    return loaded_.size() <= work_.most_points && seen_->append(region, leaves_, work_.most_points, loaded_);
+    return loaded_.size() <= work_.most_points &&
+           seen_->append(region, leaves_, work_.most_points, loaded_, known_copies);
   }
 
   double load_nearest(const Point& to, TileWorker& worker) override {
     loaded_.clear();
-    const double known = seen_->append_nearest(to, work_.most_points, loaded_);
     worker.numbers.clear();
     worker.known_copies.clear();
+    const double known = seen_->append_nearest(to, work_.most_points, loaded_, worker.known_copies);
     worker.points = worker.results = loaded_;
     return known;
   }

@@ -147,14 +147,15 @@ class StoredSampling final : public Sampling, private PointStore {
     bool fits = leaves_.load(*seen_, region, most_ - std::min(most_, kept), loaded_);
     if (!fits) {
       loaded_ = {};
-      fits = seen_->append(region, {}, most_, loaded_);
+      fits = seen_->append(region, {}, most_, loaded_, worker.known_copies);
     }
     worker.points = loaded_;
     return fits;
   }
   double load_nearest(const Point& to, TileWorker& worker) override {
     loaded_.clear();
-    const double known = seen_->append_nearest(to, most_ / 2, loaded_);  // beside the leaves that are kept
+    const double known =
+        seen_->append_nearest(to, most_ / 2, loaded_, worker.known_copies);  // beside the leaves that are kept
     worker.points = loaded_;
     return known;
   }

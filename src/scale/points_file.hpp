@@ -23,7 +23,7 @@ struct Section {
   Zone zone{};            ///< of its points, which are relative to the zone's middle
   std::uint64_t count = 0;
   Point min{}, max{};        ///< of its points
-  std::uint64_t copies = 0;  ///< so many of its last points are copies of others, which lie where those do
+  std::uint64_t copies = 0;  ///< so many of its last points are copies, which lie where others do, but for rounding
 };
 
 /// What a task counted; what each number is, its task says.

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <tuple>
@@ -169,36 +168,47 @@ void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
   });
 }
 
+std::uint64_t StoredCloud::appended_of(std::uint32_t leaf) const {
+  return leaf_bounds_[leaf].valid - (zones_.are_several() ? 0 : copies_of(leaf));
+}
+
 template <class Take>
-void StoredCloud::append_piece(const Piece& piece, std::vector<Point>& points, const Take& take) const {
-  std::vector<Point> some(piece.count - piece.copies);
+void StoredCloud::append_piece(const Piece& piece, std::vector<Point>& points, std::vector<std::uint32_t>& copies,
+                               const Take& take) const {
+  const std::uint64_t firsts = piece.count - piece.copies;
+  std::vector<Point> some(zones_.are_several() ? piece.count : firsts);
   piece.file.positions(piece.first, some);
   bring(piece.leaf, some);
-  std::copy_if(some.begin(), some.end(), std::back_inserter(points), take);
+  for (std::size_t i = 0; i < some.size(); ++i) {
+    if (!take(some[i])) continue;
+    if (i >= firsts) copies.push_back(std::uint32_t(points.size()));
+    points.push_back(some[i]);
+  }
 }
 
 bool StoredCloud::append(const point::Region& region, const LeafRange& except, std::size_t most,
-                         std::vector<Point>& points) const {
+                         std::vector<Point>& points, std::vector<std::uint32_t>& copies) const {
   std::vector<std::uint8_t> wanted(leaf_bounds_.size(), 0);  // 2: all of it
   std::size_t certain = points.size();
   for (std::uint32_t leaf = 0; leaf < leaf_bounds_.size(); ++leaf) {
     const Bounds& b = leaf_bounds_[leaf];
     if (!may_overlap(region, b) || (except.holds(leaf) && origin_for(leaf) == origin_)) continue;
     wanted[leaf] = lies_inside(region, b) ? 2 : 1;
-    if (wanted[leaf] == 2) certain += b.valid - copies_of(leaf);
+    if (wanted[leaf] == 2) certain += appended_of(leaf);
   }
   if (certain > most) return false;
   points.reserve(certain + certain / 4);
   const auto is_wanted = [&](std::uint32_t leaf) { return wanted[leaf] != 0; };
   for_pieces(kAll, is_wanted, [&](const Piece& piece) {
-    append_piece(piece, points,
+    append_piece(piece, points, copies,
                  [&](const Point& p) { return wanted[piece.leaf] == 2 || point::is_inside(region, to_vec3(p)); });
     return points.size() <= most;
   });
   return points.size() <= most;
 }
 
-double StoredCloud::append_nearest(const Point& to, std::size_t most, std::vector<Point>& points) const {
+double StoredCloud::append_nearest(const Point& to, std::size_t most, std::vector<Point>& points,
+                                   std::vector<std::uint32_t>& copies) const {
   constexpr std::size_t kEnough = 32;  // leaves: more of them bring hardly any that are as near
   std::vector<std::pair<double, std::uint32_t>> by_distance;
   for (std::uint32_t leaf = 0; leaf < leaf_bounds_.size(); ++leaf)
@@ -208,14 +218,14 @@ double StoredCloud::append_nearest(const Point& to, std::size_t most, std::vecto
   std::size_t taken = 0, count = 0;
   for (; taken < std::min(kEnough, by_distance.size()); ++taken) {
     const std::uint32_t leaf = by_distance[taken].second;
-    count += leaf_bounds_[leaf].valid - copies_of(leaf);
+    count += appended_of(leaf);
     if (count > most) break;
     is_wanted[leaf] = true;
   }
   for_pieces(
       kAll, [&](std::uint32_t leaf) { return is_wanted[leaf]; },
       [&](const Piece& piece) {
-        append_piece(piece, points, is_indexed);
+        append_piece(piece, points, copies, is_indexed);
         return true;
       });
   return taken < by_distance.size() ? by_distance[taken].first : double(kUnbounded);

@@ -56,12 +56,16 @@ class StoredCloud {
   /// The same points relative to the middles of their zones; and such points of a leaf as read() gives them.
   void read_stored(const LeafRange& range, std::vector<Point>& points) const;
   void bring(std::uint32_t leaf, std::span<Point> points) const;
-  /// Appends the points of the region that are no copies; of the leaves in `except`, only those that are computed
-  /// around another origin. At most `most` of all are wanted: false as soon as there are more.
-  bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points) const;
-  /// Appends the points of the leaves nearest to a place that are no copies, so many leaves as have at most `most`
-  /// points. Returns the distance up to which these are all.
-  double append_nearest(const Point& to, std::size_t most, std::vector<Point>& points) const;
+  /// Appends the points of the region; of the leaves in `except`, only those that are computed around another origin.
+  /// At most `most` of all are wanted: false as soon as there are more. Copies are left out where they surely lie where
+  /// their firsts do. In several zones a first may be rounded around another origin: there copies come with the points,
+  /// and their numbers in `copies`.
+  bool append(const point::Region& region, const LeafRange& except, std::size_t most, std::vector<Point>& points,
+              std::vector<std::uint32_t>& copies) const;
+  /// Appends likewise the points of the leaves nearest to a place, so many leaves as have at most `most` points.
+  /// Returns the distance up to which these are all.
+  double append_nearest(const Point& to, std::size_t most, std::vector<Point>& points,
+                        std::vector<std::uint32_t>& copies) const;
   /// Calls visit(points) for all points, a few at a time.
   void for_all(const std::function<void(std::span<const Point>)>& visit) const;
 
@@ -101,9 +105,11 @@ class StoredCloud {
   template <class IsWanted, class Visit>
   void for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const;
   void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
-  // Appends those points of a piece that are no copies, and for which take(point).
+  std::uint64_t appended_of(std::uint32_t leaf) const;  // at most
+  // Appends those points of a piece for which take(point).
   template <class Take>
-  void append_piece(const Piece& piece, std::vector<Point>& points, const Take& take) const;
+  void append_piece(const Piece& piece, std::vector<Point>& points, std::vector<std::uint32_t>& copies,
+                    const Take& take) const;
 
   std::shared_ptr<const Stored> stored_;
   Zones zones_;

@@ -55,6 +55,24 @@ class Zones(Case):
                       ["--k", 12, "--constraint", "on", "--iterations", 3]):
             self.same(*flags, ways=[["--tiles", 23]])
 
+    def test_points_that_repeat_others_have_the_same_bits_in_any_tiles(self):
+        """Near copies, of which some follow a point of another zone, and some lie in zones of a few points."""
+        generator = random.Random(3)
+        side = 0.05 * math.sqrt(2000)
+        rows = [(generator.random() * side + dx, generator.random() * side + dy, generator.gauss(0, 0.005) + dz)
+                for dx, dy, dz in ((-1, -1, 0), (3e5, 3e5, 100), (-3e5, 2e5, 50)) for _ in range(2000)]
+        few = [(x + 20 * i, y, z) for i, (x, y, z) in enumerate(generator.sample(rows, 40))]
+        rows += few
+        whole, cut = self.path("whole.ply"), self.path("cut.ply")
+        for apart in (1e-4, 1e-8):  # many floats, and less than one
+            copied = [tuple(c + generator.gauss(0, apart) for c in p) for p in generator.sample(rows, 1500) + few]
+            wide = write_binary(self.path("copies.ply"), rows + copied, "double")
+            self.assertGreater(self.report("run", wide, whole, "-q", "--force")["copies"], 1000)
+            for tiles in (2, 5, 9, 14):
+                with self.subTest(apart=apart, tiles=tiles):
+                    self.ok("run", wide, cut, "-q", "--force", "--tiles", tiles)
+                    self.assertEqual(whole.read_bytes(), cut.read_bytes())
+
     def test_several_files_are_one_cloud(self):
         self.ok("run", self.wide, self.path("whole.las"), "-q")
         third = len(self.rows) // 3 + 1
