@@ -14,6 +14,14 @@
 #include "seam/stop.hpp"
 
 namespace pointfair::scale {
+namespace {
+
+Position moved_position(const Position& own, const Point& before, const Point& now) {
+  const auto along = [](double p, float from, float to) { return p + (double{to} - from); };
+  return {along(own[0], before.x, now.x), along(own[1], before.y, now.y), along(own[2], before.z, now.z)};
+}
+
+}  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
                          std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop)
@@ -102,6 +110,9 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
       if (ignored[i]) seen[i] = {kNan, kNan, kNan};
     limit(first, {seen, around_origin}, now, outliers);
     const std::vector<std::uint8_t> movable = movable_points(limits, here);
+    if (plan_.zones().are_several())  // as of a cloud in memory, whose limits see positions
+      for (std::size_t i = 0; i < now.size(); ++i)
+        if (is_indexed(before[i])) now[i] = moved_offset(before[i], own[i], moved_position(own[i], before[i], now[i]));
     apply_limits(limits, movable, before, now);
     held.resize(movable.size());
     for (std::size_t i = 0; i < movable.size(); ++i)

@@ -105,7 +105,7 @@ void apply_limits_in_zones(const Zones& zones, const Limits& limits, std::span<c
       const Position &p = before[i], &q = after[i];
       const Position& middle = middles.emplace_back(zones.middle_of(zones.zone_of(p)));
       const Point& f = from.emplace_back(offset(p, middle));
-      to.push_back({float(f.x + (q[0] - p[0])), float(f.y + (q[1] - p[1])), float(f.z + (q[2] - p[2]))});
+      to.push_back(moved_offset(f, p, q));
     }
     apply_limits(limits, movable.empty() ? movable : movable.subspan(begin, count), from, to);
     for (std::size_t i = 0; i < count; ++i) {

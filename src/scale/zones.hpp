@@ -45,6 +45,15 @@ inline Point offset(const Position& p, const Position& origin) {
 }
 inline Position difference(const Position& a, const Position& b) { return {a[0] - b[0], a[1] - b[1], a[2] - b[2]}; }
 
+/// Where a point is relative to the middle of its zone, `before` it moved from position p to q. Doubles far from 0 have
+/// fewer digits than floats near the middle, so that this is not always the offset that q was made of.
+inline Point moved_offset(const Point& before, const Position& p, const Position& q) {
+  const auto along = [](float b, double from, double to) {
+    return from == to || !std::isfinite(from) ? b : static_cast<float>(b + (to - from));
+  };
+  return {along(before.x, p[0], q[0]), along(before.y, p[1], q[1]), along(before.z, p[2], q[2])};
+}
+
 /// The step between the coordinates that the file can hold: 0 if it is not known, infinite for coordinates that are
 /// floats already, from which an origin takes no digit.
 double coordinate_step(const Source& source);

@@ -73,6 +73,20 @@ class Zones(Case):
                     self.ok("run", wide, cut, "-q", "--force", "--tiles", tiles)
                     self.assertEqual(whole.read_bytes(), cut.read_bytes())
 
+    def test_limits_have_the_same_bits_in_tiles_near_the_middle_of_a_zone(self):
+        """There offsets are finer than the doubles of positions. The ground stands upright, at the middle along y."""
+        def places(middle):
+            rows = [(x + apart, middle + h, z) for apart in (-3e5, 0, 3e5) for x, z, h in ground(900)]
+            return write_binary(self.path("double.ply"), rows, "double")
+        side = self.report("info", places(54e5))["float_step"] * 2**25
+        cloud = places((54e5 // side + 0.5) * side)
+        self.assertEqual(self.report("info", cloud)["float_step"] * 2**25, side)
+        for flags in (["--strength", 0.4], ["--strength", 0.4, "--ignore", "number=3-900"], ["--ignore", "number=3-900"]):
+            self.ok("run", cloud, self.path("whole.ply"), "-q", "--force", *flags)
+            with self.subTest(flags=flags):
+                self.ok("run", cloud, self.path("cut.ply"), "-q", "--force", "--tiles", 3, *flags)
+                self.assertEqual(self.path("whole.ply").read_bytes(), self.path("cut.ply").read_bytes())
+
     def test_several_files_are_one_cloud(self):
         self.ok("run", self.wide, self.path("whole.las"), "-q")
         third = len(self.rows) // 3 + 1
