@@ -257,6 +257,44 @@ TEST(Orient, NoOrderOfThePointsNoSignAndNoNumberOfThreadsMatters) {
   }
 }
 
+// Ten at one place have no spacing, and each of them the others as its nearest.
+TEST(Orient, ManyPointsAtOnePlaceLookAsOneOfThemDoes) {
+  const Shape shape = noisy(torus(3, 0.5), 0.02);
+  std::vector<Point> once = shape.normals;
+  orient_normals({.points = shape.points}, once);
+  std::vector<std::size_t> of;  // the point of the shape that each is
+  for (std::size_t i = 0; i < shape.points.size(); ++i) of.insert(of.end(), i % 2 == 0 ? 10 : 1, i);
+  for (unsigned seed = 1; seed < 4; ++seed) {
+    std::shuffle(of.begin(), of.end(), std::mt19937(seed));
+    Cloud cloud;
+    std::vector<Point> normals;
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      cloud.points.push_back(shape.points[of[i]]);
+      const Point& n = shape.normals[of[i]];
+      normals.push_back(i % 3 == 0 ? Point{-n.x, -n.y, -n.z} : n);
+    }
+    orient_normals(cloud, normals);
+    std::size_t others = 0;
+    for (std::size_t i = 0; i < of.size(); ++i) {
+      const Point &a = normals[i], &b = once[of[i]];
+      others += a.x != b.x || a.y != b.y || a.z != b.z;
+    }
+    EXPECT_EQ(others, 0u);
+  }
+}
+
+TEST(Orient, OppositeNormalsAtOnePlaceHaveAnAgreement) {
+  Cloud cloud;
+  std::vector<Point> normals;
+  Random random(4);
+  for (int i = 0; i < 200; ++i) {  // all differ, so that each is a sample
+    cloud.points.push_back({float(i / 20), 0, 0});
+    normals.push_back({float(random.uniform(-0.1, 0.1)), float(random.uniform(-0.1, 0.1)), i % 2 == 0 ? 1.0F : -1.0F});
+  }
+  orient_normals(cloud, normals);
+  for (const Point& n : normals) EXPECT_EQ(n.z, 1);
+}
+
 TEST(Orient, PointsWithoutANormalAndFewPointsAreNoTrouble) {
   Cloud cloud{.points = {{0, 0, 0}, {NAN, 0, 0}, {1, 0, 0}, {0, 0, 0}}};
   std::vector<Point> normals = {{0, 0, -1}, {0, 0, 1}, {0, 0, 0}, {0, 0, 1}};

@@ -99,6 +99,24 @@ std::vector<Sample> samples_of(const Cloud& cloud, std::span<const Point> normal
   return samples;
 }
 
+// The first of those that have place and normal in common, in their order, which stands for all of them.
+std::vector<Sample> once_each(const std::vector<Sample>& points) {
+  std::vector<Sample> samples;
+  for (const Sample& s : points)
+    if (samples.empty() || key(samples.back()) != key(s)) samples.push_back(s);
+  return samples;
+}
+
+// Calls visit(point, the number of the sample that stands for it) for all points.
+template <class Visit>
+void visit_points(const std::vector<Sample>& points, const std::vector<Sample>& samples, const Visit& visit) {
+  std::uint32_t at = 0;
+  for (const Sample& s : points) {
+    if (key(samples[at]) != key(s)) ++at;
+    visit(s, at);
+  }
+}
+
 template <class Body>
 void for_samples(std::size_t count, const std::stop_token& stop, const Body& body) {
   tbb::parallel_for(std::size_t{0}, (count + kBlock - 1) / kBlock, [&](std::size_t block) {
@@ -112,7 +130,8 @@ void for_samples(std::size_t count, const std::stop_token& stop, const Body& bod
 // an offset along the normal is noise rather than a turn.
 float agreement(const Sample& a, const Sample& b, float squared_spacing) {
   const Point way = minus(b.position, a.position);
-  const float turn = 2 * dot(a.normal, way) * dot(b.normal, way) / (dot(way, way) + squared_spacing);
+  const float square = dot(way, way) + squared_spacing;  // 0 where all of both's neighbours are at one place
+  const float turn = square > 0 ? 2 * dot(a.normal, way) * dot(b.normal, way) / square : 0;
   return std::clamp(dot(a.normal, b.normal) - turn, -1.0F, 1.0F);
 }
 
@@ -158,16 +177,16 @@ double facing(const Cloud& cloud, const Sample& s, const Position& sensor) {
 }
 
 // The sensor is one more node, with which all agree that look there. Returns whether it has any edge.
-bool add_sensor(const Cloud& cloud, const std::vector<Sample>& samples, std::span<const Position> viewpoints,
-                std::vector<Edge>& edges) {
+bool add_sensor(const Cloud& cloud, const std::vector<Sample>& points, const std::vector<Sample>& samples,
+                std::span<const Position> viewpoints, std::vector<Edge>& edges) {
   if (viewpoints.empty()) return false;
   const std::size_t before = edges.size();
   const auto node = static_cast<std::uint32_t>(samples.size());
-  for (std::uint32_t i = 0; i < node; ++i) {
-    const double cosine = facing(cloud, samples[i], viewpoints[viewpoints.size() > 1 ? samples[i].index : 0]);
+  visit_points(points, samples, [&](const Sample& s, std::uint32_t at) {
+    const double cosine = facing(cloud, s, viewpoints[viewpoints.size() > 1 ? s.index : 0]);
     const double likely = kLikely * std::clamp(cosine / kLikelyCosine, -1.0, 1.0);
-    if (likely != 0) edges.push_back({static_cast<float>(likely), i, node});
-  }
+    if (likely != 0) edges.push_back({static_cast<float>(likely), at, node});
+  });
   return edges.size() > before;
 }
 
@@ -242,22 +261,23 @@ void orient_normals(const Cloud& cloud, std::span<Point> normals, std::span<cons
   orient::check_sizes(cloud, normals.size(), viewpoints.size());
   std::vector<Position> of_file;
   if (viewpoints.empty()) viewpoints = of_file = file_viewpoints(cloud);
-  const std::vector<orient::Sample> samples = orient::samples_of(cloud, normals);
+  const std::vector<orient::Sample> points = orient::samples_of(cloud, normals);
+  const std::vector<orient::Sample> samples = orient::once_each(points);
   if (samples.empty()) return;
   const auto count = static_cast<std::uint32_t>(samples.size());
   std::vector<orient::Edge> edges = orient::edges_of(samples, stop);
-  const bool has_sensor = orient::add_sensor(cloud, samples, viewpoints, edges);
+  const bool has_sensor = orient::add_sensor(cloud, points, samples, viewpoints, edges);
   const orient::Signs signs = orient::agreeing_signs(count + 1, edges);
   if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   const orient::Outside outside(samples, signs);
   std::vector<std::int8_t> of_part(signs.parts);
   for (std::uint32_t part = 0; part < signs.parts; ++part) of_part[part] = outside.looks_out(part) ? 1 : -1;
   if (has_sensor) of_part[signs.part[count]] = signs.sign[count];
-  for (std::uint32_t i = 0; i < count; ++i) {
-    const Point& n = samples[i].normal;
-    const bool turn = signs.sign[i] * of_part[signs.part[i]] < 0;
-    normals[samples[i].index] = turn ? Point{0 - n.x, 0 - n.y, 0 - n.z} : n;
-  }
+  orient::visit_points(points, samples, [&](const orient::Sample& s, std::uint32_t at) {
+    const Point& n = s.normal;
+    const bool turn = signs.sign[at] * of_part[signs.part[at]] < 0;
+    normals[s.index] = turn ? Point{0 - n.x, 0 - n.y, 0 - n.z} : n;
+  });
 }
 
 }  // namespace pointfair
