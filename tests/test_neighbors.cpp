@@ -10,6 +10,7 @@
 #include <limits>
 #include <memory>
 #include <nanoflann.hpp>
+#include <stop_token>
 #include <string>
 #include <vector>
 
@@ -373,6 +374,14 @@ TEST(CloudSample, bounds_hold_exactly_the_valid_points) {
     EXPECT_TRUE(same_or_both_nan(found.min, expected.min));
     EXPECT_TRUE(same_or_both_nan(found.max, expected.max));
   }
+}
+
+TEST(Neighbors, that_a_stop_leaves_without_an_answer_are_none) {
+  std::stop_source source;
+  source.request_stop();
+  for (const int count : {1, 1000, 100000})
+    expect_error(ErrorKind::interrupted, "interrupted",
+                 [&] { nearest_neighbors(shapes::sphere(count), 8, source.get_token()); });
 }
 
 TEST(Neighbors, that_do_not_fit_into_memory_are_refused) {

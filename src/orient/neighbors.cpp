@@ -25,7 +25,9 @@ float squared_distance(const Point& a, const Point& b) {
 // have the numbers of a heap.
 class Tree {
  public:
-  explicit Tree(std::span<const Point> points) : points_(points), order_(points.size()), sorted_(points.size()) {
+  /// Of no use once the stop is triggered, which who builds it has to ask.
+  Tree(std::span<const Point> points, const std::stop_token& stop)
+      : points_(points), stop_(stop), order_(points.size()), sorted_(points.size()) {
     std::iota(order_.begin(), order_.end(), 0U);
     std::size_t nodes = 1;
     for (std::size_t most = points.size(); most > kLeaf; most -= most / 2) nodes = 2 * nodes + 1;
@@ -80,7 +82,7 @@ class Tree {
   }
 
   void build(std::size_t node, std::size_t first, std::size_t last) {
-    if (last - first <= kLeaf) return;
+    if (last - first <= kLeaf || stop_.stop_requested()) return;
     const int axis = longest_axis(first, last);
     const std::size_t middle = first + (last - first) / 2;
     const auto value = [&](std::uint32_t i) { return coordinate(points_[i], axis); };
@@ -125,6 +127,7 @@ class Tree {
   }
 
   std::span<const Point> points_;
+  const std::stop_token& stop_;
   std::vector<std::uint32_t> order_;  // of the leaves
   std::vector<Point> sorted_;
   std::vector<Cut> cuts_;
@@ -134,7 +137,7 @@ class Tree {
 
 std::vector<std::uint32_t> nearest_neighbors(std::span<const Point> points, std::size_t k,
                                              const std::stop_token& stop) {
-  const Tree tree(points);
+  const Tree tree(points, stop);
   std::vector<std::uint32_t> result(points.size() * k);
   tbb::parallel_for(std::size_t{0}, (points.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
     if (stop.stop_requested()) return;
@@ -144,6 +147,7 @@ std::vector<std::uint32_t> nearest_neighbors(std::span<const Point> points, std:
       for (std::size_t slot = 0; slot < k; ++slot) to[slot] = found[slot].index;
     }
   });
+  if (stop.stop_requested()) throw Error(ErrorKind::interrupted, "interrupted");
   return result;
 }
 

@@ -14,7 +14,7 @@ namespace pointfair::orient {
 inline constexpr std::uint32_t kNone = 0xFFFFFFFF;
 
 /// The `k` nearest other points of each point, nearest first, of equally near ones that with the lower index; kNone
-/// where there are fewer. All points must be finite. O(N log N).
+/// where there are fewer. All points must be finite. O(N log N). Throws Error(interrupted) once `stop` is triggered.
 std::vector<std::uint32_t> nearest_neighbors(std::span<const Point> points, std::size_t k, const std::stop_token& stop);
 
 }  // namespace pointfair::orient
