@@ -109,6 +109,17 @@ Cloud classified() {
   return cloud;
 }
 
+TEST(Limits, ZerosThatStayKeepTheirSigns) {
+  const Cloud before{.points = {{-0.0F, 1, -0.0F}, {0.0F, -0.0F, 2}}};
+  for (const char* const strength : {"0", "0.5"}) {
+    Cloud after{.points = {{0.0F, 2, 0.0F}, {0.0F, 0.0F, 3}}};
+    apply_limits(limits_of("strength", strength), before, after);
+    EXPECT_TRUE(std::signbit(after.points[0].x) && std::signbit(after.points[0].z));
+    EXPECT_TRUE(!std::signbit(after.points[1].x) && std::signbit(after.points[1].y));
+    EXPECT_EQ(after.points[1].z, strength[1] == '.' ? 2.5F : 2.0F);
+  }
+}
+
 TEST(Limits, WhereAllOfSeveralHoldPointsMove) {
   const Cloud cloud = classified();
   EXPECT_EQ(movable_points(limits_of("where", "classification=2"), cloud)[0], 1);

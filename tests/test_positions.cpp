@@ -146,6 +146,15 @@ TEST(Positions, MoveAsTheFileOfThemDoesAndKeepTheBitsOfTheRest) {
   }
 }
 
+TEST(Positions, ThatStayKeepTheSignsOfTheirZeros) {
+  std::vector<Position> values = {{-0.0, 1, 0.0}, {5, -0.0, -0.0}};
+  const Cloud before = make_cloud(values);
+  move_positions(before, std::vector<Point>{{0.0F, 2, -0.0F}, {5, 0.0F, 1}}, values);
+  EXPECT_TRUE(std::signbit(values[0][0]) && !std::signbit(values[0][2]) && std::signbit(values[1][1]));
+  EXPECT_EQ(values[0][1], 2);
+  EXPECT_EQ(values[1][2], 1);
+}
+
 TEST(Positions, OfAFileAreItsOwnNumbers) {
   const auto values = random_positions(5000, {500000.123, 5.8e6, 120}, 40);
   const Cloud cloud = parse(ply_of(values));

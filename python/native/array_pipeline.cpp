@@ -2,6 +2,7 @@
 #include "array_pipeline.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <string>
 
@@ -25,7 +26,23 @@ std::span<Position> as_positions(std::span<double> coordinates) {
 
 Position in_double(const Point& point) { return {point.x, point.y, point.z}; }
 
+bool has_negative_zero(std::span<const Point> points) {
+  const auto is_one = [](float value) { return value == 0 && std::signbit(value); };
+  return std::ranges::any_of(points, [&](const Point& p) { return is_one(p.x) || is_one(p.y) || is_one(p.z); });
+}
+
 }  // namespace
+
+void keep_zeros(std::span<const Point> before, std::span<Point> after) {
+  const auto keep = [](float was, float& is) {
+    if (was == 0 && is == 0) is = was;
+  };
+  for (std::size_t i = 0; i < before.size(); ++i) {
+    keep(before[i].x, after[i].x);
+    keep(before[i].y, after[i].y);
+    keep(before[i].z, after[i].z);
+  }
+}
 
 void ArrayPipeline::forget() {
   kind_ = Kind::nothing;
@@ -45,7 +62,7 @@ void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
   const std::span<const Point> points = as_points(coordinates);
   forget();
   if (choose_origin(points) == Position{}) {
-    if (for_limits) before_.points.assign(points.begin(), points.end());
+    if (for_limits || has_negative_zero(points)) before_.points.assign(points.begin(), points.end());
     pipeline_.load(points);
   } else {
     own_.resize(points.size());
@@ -149,6 +166,7 @@ void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<fl
   if (own_.empty()) {
     pipeline_.run(params, result, watch.stop, watch.progress);
     apply(limits, result);
+    keep_zeros(before_.points, result);
     return;
   }
   const std::vector<Point> after = moved(params, limits, watch);

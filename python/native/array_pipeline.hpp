@@ -76,4 +76,7 @@ class ArrayPipeline {
   std::vector<Position> own_;  // the positions in double, unless floats without an origin were loaded
 };
 
+// Zeros that stay zeros keep their signs, which the arithmetic of a run does not.
+void keep_zeros(std::span<const Point> before, std::span<Point> after);
+
 }  // namespace pointfair::python

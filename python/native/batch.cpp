@@ -144,8 +144,11 @@ void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::
     const std::size_t count = coordinates.size() / 3;
     const std::span<const Point> points(reinterpret_cast<const Point*>(coordinates.data()), count);
     const std::vector<Position> origins = choose_origins(points, ends);
-    if (std::all_of(origins.begin(), origins.end(), [](const Position& origin) { return origin == Position{}; }))
-      return pipeline.run_many(points, ends, params, {reinterpret_cast<Point*>(out.data()), count}, watch.stop);
+    if (std::all_of(origins.begin(), origins.end(), [](const Position& origin) { return origin == Position{}; })) {
+      const std::span<Point> after(reinterpret_cast<Point*>(out.data()), count);
+      pipeline.run_many(points, ends, params, after, watch.stop);
+      return keep_zeros(points, after);
+    }
   }
   const ManyArrays<Scalar> arrays(coordinates, offsets, workers);
   std::vector<Point> after(arrays.points().size());

@@ -143,7 +143,7 @@ class Layout:
         self.order: Literal["C", "F"] = "F" if abs(array.strides[0]) < abs(array.strides[-1]) else "C"
         self.last = array[..., 3] if array.shape[-1] == 4 else None
         self.wrap = wrapper(like)
-        self._empty: np.ndarray[Any, Any] | None = None
+        self._empty: tuple[np.ndarray[Any, Any], np.ndarray[Any, Any]] | None = None  # which rows they are, and these
 
     def without_empty_pixels(self, points: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
         """The rows of an image with NaN at its pixels (0, 0, 0), where the camera measured nothing; other rows as they are."""
@@ -152,14 +152,15 @@ class Layout:
         empty = (points == 0).all(axis=1)
         if not empty.any():
             return points
-        self._empty, points = empty, points.copy()
+        self._empty, points = (empty, points[empty]), points.copy()
         points[empty] = np.nan
         return points
 
     def restore_empty_pixels(self, moved: np.ndarray[Any, Any]) -> None:
         """Puts them back into the rows of a result."""
         if self._empty is not None:
-            moved[self._empty] = 0
+            empty, rows_before = self._empty  # 0.0 or -0.0
+            moved[empty] = rows_before
 
     def keep(self) -> Layout:
         """The same when the caller's array changes later."""

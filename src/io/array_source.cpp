@@ -107,7 +107,7 @@ void move_positions(const Cloud& before, std::span<const Point> after, std::span
       const float from[3] = {before.points[i].x, before.points[i].y, before.points[i].z};
       const float to[3] = {after[i].x, after[i].y, after[i].z};
       for (std::size_t axis = 0; axis < 3; ++axis) {
-        if (io::same_bits(from[axis], to[axis])) continue;
+        if (io::same_bits(from[axis], to[axis]) || from[axis] == to[axis]) continue;  // also of -0.0 and 0.0
         double& value = positions[i][axis];
         value = io::moved_value(value, from[axis], to[axis], before.origin[axis], 0);
       }

@@ -109,9 +109,13 @@ struct LassoTest {
   std::array<double, 2> low, high;
 };
 
-// Full strength leaves the bits of a result alone.
+// Full strength leaves the bits of a result alone, and what stays those that it had: -0.0 its sign.
 Point part_way(const Point& from, const Point& to, float share) {
-  return {from.x + share * (to.x - from.x), from.y + share * (to.y - from.y), from.z + share * (to.z - from.z)};
+  const auto along = [share](float a, float b) {
+    const float there = a + share * (b - a);
+    return there == a ? a : there;
+  };
+  return {along(from.x, to.x), along(from.y, to.y), along(from.z, to.z)};
 }
 
 }  // namespace

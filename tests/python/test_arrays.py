@@ -81,6 +81,26 @@ def test_out_may_be_the_input_or_any_part_of_it():
     assert same_bits(long[100:500], EXPECTED[np.dtype(float)])
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@pytest.mark.parametrize("offset", [0, 1e5])
+@pytest.mark.parametrize("arguments", [dict(strength=0.0), dict(mask=np.zeros(400, bool)), dict(), dict(k=8, strength=0.5)])
+def test_zeros_that_stay_keep_their_signs(dtype, offset, arguments):
+    points = (POINTS * (20, 20, 1) + (offset, offset, 0)).astype(dtype)
+    points[:300, 2] = -0.0
+    result = pf.denoise(points, **arguments)
+    stay = result == points
+    assert stay[:300, 2].any() and same_bits(result[stay], points[stay])
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_pixels_without_a_measurement_keep_the_signs_of_their_zeros(dtype):
+    image = POINTS.astype(dtype).reshape(20, 20, 3)
+    image[3, 4], image[3, 5], image[7, 7] = (-0.0, 0, 0), 0, (0, -0.0, -0.0)
+    result = pf.denoise(image)
+    for pixel in ((3, 4), (3, 5), (7, 7)):
+        assert same_bits(result[pixel], image[pixel])
+
+
 @pytest.mark.parametrize("out", [np.empty((400, 3), np.float32), np.empty((399, 3)), np.empty((400, 4)),
                                  read_only(POINTS), [1, 2], np.empty((400, 3), int)])
 def test_an_out_that_cannot_take_the_result_is_refused(out):

@@ -51,7 +51,7 @@ __global__ void __launch_bounds__(kBlock) give_points(const T* own, const float*
     const float from = before[3 * i + axis], now = after[3 * i + axis];
     const double moved =
         isfinite(from) ? static_cast<double>(value) + (static_cast<double>(now) - from + 0.0) : origin[axis] + now;
-    to.at(i, axis) = same_bits(from, now) ? value : static_cast<T>(moved);
+    to.at(i, axis) = same_bits(from, now) || from == now ? value : static_cast<T>(moved);
   }
 }
 
