@@ -221,6 +221,21 @@ std::vector<std::uint32_t> firsts_of(const Points& points, double within, Point 
   return before;
 }
 
+// In a cloud in zones, the first of some may have moved away from them, around another origin.
+TEST(Repeats, known_copies_without_their_first_are_one_point_whichever_of_them_are_known) {
+  const std::vector<Point> points = {{0, 0, 0}, {1, 0, 0}, {1, 0, 0}, {0, 0, 0}, {2, 0, 0}, {1, 0, 0}};
+  const auto pairs = [&](std::vector<std::uint32_t> known) {
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> found;
+    for (const Copy& copy : copies_at_one_place(points, known)) found.push_back({copy.point, copy.first});
+    return found;
+  };
+  using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
+  EXPECT_EQ(pairs({1, 2, 3, 5}), (Pairs{{2, 1}, {3, 0}, {5, 1}}));
+  EXPECT_EQ(pairs({2, 3, 5}), (Pairs{{2, 1}, {3, 0}, {5, 1}}));
+  EXPECT_EQ(pairs({1, 3, 4, 5}), (Pairs{{1, 2}, {3, 0}, {5, 2}}));
+  EXPECT_EQ(pairs({4}), Pairs{});
+}
+
 TEST(Repeats, follow_the_first_around_them_by_its_hash) {
   for (const double within : {0.0, 1e-3, 0.03}) {
     const Points points = repeated(shapes::plane(300), 3, within / 3);

@@ -60,7 +60,7 @@ class Tile final : public Denoising, private PointStore {
     TileWorker worker(backend);
     const ForEach for_each = backend.sampling().on_host();
     results_ = own_;  // outliers of iterations before stay as they are
-    is_copy_.assign(own_.size(), 0);
+    find_known_copies();
     if (work_.input.zones().are_several()) work_.input.read_stored(leaves_, results_);
     for (const Position& origin : origins_) {
       if (origin != origins_.front()) enter(origin);
@@ -105,6 +105,16 @@ class Tile final : public Denoising, private PointStore {
         unite(bounds_, its);
       else  // only lie around the others, and are loaded as such
         std::fill(begin, at, Point{kNan, kNan, kNan});
+    }
+  }
+
+  // They stay such, so that later iterations go by places alone.
+  void find_known_copies() {
+    is_copy_.assign(own_.size(), 0);
+    auto end = is_copy_.begin();
+    for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
+      end += std::ptrdiff_t(work_.input.leaves()[leaf].valid);
+      std::fill_n(end - std::ptrdiff_t(work_.input.copies_of(leaf)), work_.input.copies_of(leaf), std::uint8_t{1});
     }
   }
 
@@ -157,7 +167,7 @@ class Tile final : public Denoising, private PointStore {
       if (outcomes[i] != 0) {
         Point& to = results_[numbers[i]];
         to = moved(to, own_[numbers[i]], results[i]);
-        is_copy_[numbers[i]] = (outcomes[i] & point::kIsCopy) != 0;
+        if ((outcomes[i] & point::kIsCopy) != 0) is_copy_[numbers[i]] = 1;
       }
   }
 

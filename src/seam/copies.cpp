@@ -213,6 +213,15 @@ std::vector<Copy> copies_at_one_place(std::span<const Point> points, std::span<c
     for (Copy& copy : std::ranges::equal_range(copies, points[i], less, &Copy::place))
       copy.first = std::min(copy.first, i);
   }
+  for (auto begin = copies.begin(); begin != copies.end();) {
+    const auto end = std::ranges::upper_bound(begin, copies.end(), begin->place, less, &Copy::place);
+    if (begin->first == kNone) {  // and so are all of its place
+      const std::uint32_t first = std::ranges::min_element(begin, end, {}, &Copy::point)->point;
+      for (; begin != end; ++begin)
+        if (begin->point != first) begin->first = first;
+    }
+    begin = end;
+  }
   std::erase_if(copies, [](const Copy& copy) { return copy.first == kNone; });
   std::ranges::sort(copies, {}, &Copy::point);
   return copies;

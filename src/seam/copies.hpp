@@ -37,8 +37,8 @@ point::Region without_border(point::Region region, const CopyRule& rule);
 std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded,
                                const std::stop_token& stop = {});
 
-// The same of points that are known to be copies, ascending, and lie where a point lies that is none. Those that do not
-// are left out. O(N log(copies)).
+// The same of points that are known to be copies, ascending, and lie where a point lies that is none. Of those that do
+// not, one of each place is left out, which the others of the place follow. O(N log(copies)).
 std::vector<Copy> copies_at_one_place(std::span<const Point> points, std::span<const std::uint32_t> known);
 
 // The point that `point` is a copy of, or itself.
