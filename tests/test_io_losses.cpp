@@ -105,6 +105,17 @@ TEST(FilesLosses, ThePartsOfAnObjFileGoWhereTheyHaveAPlace) {
   EXPECT_EQ(image(cloud, Format::obj), "mtllib a.mtl\nv 1.5 2 3" + obj.substr(obj.find("\nv 4")));
 }
 
+TEST(FilesLosses, NamesThatLasCutsAreTold) {
+  Cloud cloud = parse(lossy::las(1), "a.las");
+  const std::vector<float> values(3 * cloud.points.size());
+  cloud.added = {make_attribute("a_vector_with_a_name_of_31_bytes", ScalarType::float32, values, 3),
+                 make_attribute("short", ScalarType::float32, std::vector<float>(cloud.points.size()))};
+  for (const Format format : {Format::las, Format::laz, Format::copc}) {
+    EXPECT_TRUE(told(losses(cloud, format), "the attributes a_vector_with_a_name_of_31_bytes_0"));
+    EXPECT_FALSE(told(losses(cloud, format), "short"));
+  }
+}
+
 TEST(FilesLosses, DirectionsWithoutADistanceAreTold) {
   const Cloud cloud = parse(lossy::e57({0, 1, 2}), "a.e57");
   EXPECT_TRUE(told(losses(cloud, Format::ply), "the direction of 1 point without a distance"));

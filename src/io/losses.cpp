@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 
+#include "io/column_names.hpp"
 #include "io/contents.hpp"
 #include "io/formats.hpp"
 #include "io/las/octree.hpp"
@@ -127,6 +128,13 @@ void tell_texture_of_points(const Cloud& cloud, Format format, std::vector<Conte
   std::ranges::stable_sort(lost, {}, &Content::kind);
 }
 
+// Names of extra bytes that LAS files cut.
+void tell_cut(const std::vector<Attribute>& added, std::vector<Content>& lost) {
+  for (const Attribute& attribute : added)
+    for (const std::string& name : io::component_names(attribute.name, attribute.components))
+      if (name.size() > io::kLongestLasName) lost.push_back({ContentKind::names, name});
+}
+
 void tell_renamed(const Cloud& cloud, Format format, std::vector<Content>& lost) {
   const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
   std::vector<std::string> names;
@@ -134,6 +142,7 @@ void tell_renamed(const Cloud& cloud, Format format, std::vector<Content>& lost)
   if (format == Format::e57) names = io::renamed_in_new_e57(cloud);
   if (io::family(format) == Format::las || (format == Format::copc && !is_of_las))
     names = io::renamed_in_new_las(cloud);
+  if (format == Format::copc && is_of_las) tell_cut(cloud.added, lost);
   for (const std::string& name : names) lost.push_back({ContentKind::names, name});
   std::ranges::stable_sort(lost, {}, &Content::kind);
 }
@@ -180,8 +189,7 @@ std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
     return lost;
   }
   if (io::family(format) != Format::las) return {};
-  for (const Attribute& attribute : cloud.added)
-    if (attribute.name.size() > io::kLongestLasName) lost.push_back({ContentKind::names, attribute.name});
+  tell_cut(cloud.added, lost);
   return lost;
 }
 

@@ -92,6 +92,33 @@ class Names(Conversion):
                "classification_3": "3.5", "classification_2": "4"}
         self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
+    def test_names_that_the_fields_of_las_have_in_other_programs_are_not_told(self):
+        names = "X,Y,Z,Intensity,ReturnNumber,NumberOfReturns,Classification,PointSourceId,GpsTime,Infrared"
+        rows = [row.replace(" ", ",") for row in ROWS.splitlines()]
+        las, lost = self.convert(self.put("a.csv", names + "\n" + "".join(f"{row},700,2,3,6,9,12.5,40\n" for row in rows)), "b.las")
+        self.assertEqual(lost, [])
+        names, row = self.columns(las)
+        own = {"intensity": "700", "return_number": "2", "number_of_returns": "3", "classification": "6",
+               "point_source_id": "9", "gps_time": "12.5", "Infrared": "40"}  # which a LAS file without colours has no field for
+        self.assertEqual({name: row[names.index(name)] for name in own}, own)
+        self.assertNotIn("Classification", names)
+
+    def test_names_of_columns_that_do_not_fit_are_told_where_they_change(self):
+        cloud = self.ply("a.ply", ["float Classification", "float ReturnNumber", "float nir"], [3.5, 2, 0.5])
+        for name in ("b.las", "b.copc.laz"):
+            las, lost = self.convert(cloud, name)
+            self.assertEqual(lost, [])
+            names, row = self.columns(las)
+            own = {"Classification": "3.5", "classification": "0", "return_number": "2", "nir": "0.5"}
+            self.assertEqual({name: row[names.index(name)] for name in own}, own)
+        cloud = self.ply("c.ply", ["float classification", "uchar Classification", "float nir", *(f"uchar {c}" for c in ("red", "green", "blue"))],
+                         [3.5, 6, 0.5, 1, 2, 3])
+        las, lost = self.convert(cloud, "c.las")
+        self.assertEqual(lost, ["note: the attributes classification, nir get other names in LAS files" + OWN_NAMES])
+        names, row = self.columns(las)
+        own = {"classification": "0", "classification_2": "3.5", "Classification": "6", "nir": "0", "nir_2": "0.5"}
+        self.assertEqual({name: row[names.index(name)] for name in own}, own)
+
     def test_names_that_others_have_in_a_new_file_are_told(self):
         properties = ["float nx", "float ny", "float nz", "float normal_x", "uchar colorRed", "uchar red", "uchar green",
                       "uchar blue", "double timeStamp", "double gps_time", "float cartesianX"]

@@ -198,6 +198,17 @@ void extract_field(const Field& field, const char* records, std::size_t record_l
   }
 }
 
+std::vector<std::string> extra_names(const Header& header, const std::vector<Column>& added) {
+  std::vector<std::string> names;
+  for (const Field& field : record_fields(header)) names.push_back(field.name);
+  const auto own = static_cast<std::ptrdiff_t>(names.size());
+  for (const Column& column : added)
+    std::ranges::copy(component_names(column.name, column.components), std::back_inserter(names));
+  make_distinct(names, kLongestLasName);
+  names.erase(names.begin(), names.begin() + own);
+  return names;
+}
+
 std::string describe_extra_bytes(const Header& header, const std::vector<Column>& added) {
   const std::vector<Field> described = described_fields(header);
   const Record* const record = header.find("LASF_Spec", 4);
@@ -205,12 +216,8 @@ std::string describe_extra_bytes(const Header& header, const std::vector<Column>
   std::size_t plain = header.record_length - end_of(described, header);
   for (; plain > 0; plain -= std::min<std::size_t>(plain, 255))
     result += description(0, static_cast<unsigned>(std::min<std::size_t>(plain, 255)), "extra_bytes");
-  std::vector<std::string> names;
-  for (const Field& field : record_fields(header)) names.push_back(field.name);
-  std::size_t next = names.size();
-  for (const Column& column : added)
-    std::ranges::copy(component_names(column.name, column.components), std::back_inserter(names));
-  make_distinct(names, kLongestLasName);
+  const std::vector<std::string> names = extra_names(header, added);
+  std::size_t next = 0;
   for (const Column& column : added) {
     const auto* const type = std::find(std::begin(kExtraTypes), std::end(kExtraTypes), column.type);
     for (std::uint32_t c = 0; c < column.components; ++c)

@@ -26,8 +26,11 @@ std::vector<Field> record_fields(const Header& header);
 /// The values of `field` in `count` records that follow each other.
 void extract_field(const Field& field, const char* records, std::size_t record_length, std::size_t count, char* to);
 
+/// What the components of added columns are called: as no other field is, in at most kLongestLasName bytes.
+std::vector<std::string> extra_names(const Header& header, const std::vector<Column>& added);
+
 /// The descriptions of extra bytes as a file with these attributes added has them: those of the file, where bytes have
-/// none a plain one, then one for each component added, under a name that no other field has.
+/// none a plain one, then one for each component added, with its extra_names().
 std::string describe_extra_bytes(const Header& header, const std::vector<Column>& added);
 
 }  // namespace pointfair::io::las

@@ -86,16 +86,43 @@ std::string las_name_of(const TableColumn& column) { return las_name(column.name
 
 bool is_color(const std::string& name) { return name == "red" || name == "green" || name == "blue"; }
 
+unsigned point_format_for(const Table& table) {
+  const bool color = table.find("red") && table.find("green") && table.find("blue");
+  const bool infrared = std::ranges::find(table.columns, "nir", las_name_of) != table.columns.end();
+  return !color ? 6 : infrared ? 8 : 7;
+}
+
+Header empty_header(unsigned format) {
+  Header header;
+  header.point_format = format;
+  header.record_length = least_record_length(format);
+  return header;
+}
+
+// The field that each column goes into, under whose name it is then; none: it becomes extra bytes.
+std::vector<const Field*> take_fields(Table& table, const std::vector<Field>& fields) {
+  std::vector<const Field*> result;
+  for (TableColumn& column : table.columns) {
+    const std::string name = las_name_of(column);
+    const auto field = std::ranges::find(fields, name, &Field::name);
+    const bool known = field != fields.end() && name == column.name;
+    const bool is_free = known || !table.find(name);  // and not of another column that is called as here
+    const bool is_taken = field != fields.end() && is_free && fits(column, *field);
+    if (is_taken) column.name = name;
+    result.push_back(is_taken ? &*field : nullptr);
+  }
+  return result;
+}
+
 class NewFile {
  public:
   NewFile(Table& table, bool compress, std::optional<double> scale, Output& out)
       : table_(table), out_(out), range_(range_of(table.positions)), scaling_(choose_scaling(range_, scale)) {
     use_ply_names(table, ColorDepth::sixteen_bits);
     use_las_intensity(table);
-    const bool color = table.find("red") && table.find("green") && table.find("blue");
-    const bool infrared = std::ranges::find(table.columns, "nir", las_name_of) != table.columns.end();
-    format_ = !color ? 6 : infrared ? 8 : 7;
+    format_ = point_format_for(table);
     record_length_ = least_record_length(format_);
+    fields_ = record_fields(empty_header(format_));
     map_columns();
     if (compress) compression_ = usual_compression(format_, record_length_);
   }
@@ -120,18 +147,11 @@ class NewFile {
 
  private:
   void map_columns() {
-    Header header;
-    header.point_format = format_;
-    header.record_length = record_length_;
-    const std::vector<Field> fields = record_fields(header);
+    const std::vector<const Field*> places = take_fields(table_, fields_);
     std::vector<Column> extra;
-    for (TableColumn& column : table_.columns) {
-      const std::string name = las_name_of(column);
-      const auto field = std::ranges::find(fields, name, &Field::name);
-      const bool known = field != fields.end() && name == column.name;
-      const bool is_free = known || !table_.find(name);  // and not of another column that is called as here
-      if (field != fields.end() && is_free && fits(column, *field)) {
-        column.name = name;
+    for (std::size_t c = 0; c < places.size(); ++c) {
+      const TableColumn& column = table_.columns[c];
+      if (const Field* const field = places[c]) {
         const double factor = is_color(column.name) && column.type == NativeType::uint8 ? 257 : 1;
         mappings_.push_back({&column, field->offset, field->type, field->shift, field->bits, factor});
         continue;
@@ -142,7 +162,7 @@ class NewFile {
     }
     if (record_length_ > std::numeric_limits<std::uint16_t>::max())
       refuse("a point of a LAS file holds at most 65535 bytes; write PLY or PCD");
-    if (!extra.empty()) descriptions_ = describe_extra_bytes(header, extra);
+    if (!extra.empty()) descriptions_ = describe_extra_bytes(empty_header(format_), extra);
   }
 
   Grid grid_of(const Position& position) const {
@@ -246,6 +266,7 @@ class NewFile {
   Scaling scaling_;
   unsigned format_ = 6;
   std::size_t record_length_ = 0;
+  std::vector<Field> fields_;
   std::vector<Mapping> mappings_;
   std::string descriptions_;  // of extra bytes
   std::optional<Compression> compression_;
@@ -262,18 +283,28 @@ void check_new_las(const Cloud& cloud, std::optional<double> scale) {
 }
 
 std::vector<std::string> renamed_in_new_las(const Cloud& cloud) {
-  las::Header header;
-  header.point_format = 8;  // with all fields that new files have
-  header.record_length = las::least_record_length(header.point_format);
-  const std::vector<las::Field> fields = las::record_fields(header);
-  std::vector<std::string> renamed;
+  const std::vector<las::Field> all = las::record_fields(las::empty_header(8));  // all that new files have
+  Table table;  // with the values of columns that may not fit
   for (const AttributeInfo& info : attributes(cloud)) {
-    const auto field = std::ranges::find(fields, info.name, &las::Field::name);
-    const bool is_scaled = las::is_color(info.name) || info.name == "intensity";
-    const bool fits = field == fields.end() || info.components != 1 || is_scaled ||
-                      las::fits(column_of(attribute(cloud, info.name)), *field);
-    if (!fits || info.name.size() > kLongestLasName) renamed.push_back(info.name);
+    const std::string name = las_name(info.name);
+    const bool is_scaled = las::is_color(name) || lower_case(info.name) == "intensity";
+    const bool may_fit =
+        info.components == 1 && !is_scaled && std::ranges::find(all, name, &las::Field::name) != all.end();
+    table.columns.push_back(may_fit ? column_of(attribute(cloud, info.name))
+                                    : TableColumn{{info.name, native(info.type), info.components}, {}});
   }
+  use_ply_names(table, ColorDepth::sixteen_bits);
+  use_las_intensity(table);
+  const las::Header header = las::empty_header(las::point_format_for(table));
+  const std::vector<las::Field> fields = las::record_fields(header);
+  const std::vector<const las::Field*> places = las::take_fields(table, fields);
+  std::vector<Column> extra;
+  for (std::size_t c = 0; c < places.size(); ++c)
+    if (!places[c]) extra.push_back({table.columns[c].name, table.columns[c].type, 1});
+  const std::vector<std::string> names = las::extra_names(header, extra);
+  std::vector<std::string> renamed;
+  for (std::size_t c = 0; c < names.size(); ++c)
+    if (names[c] != extra[c].name) renamed.push_back(extra[c].name);
   return renamed;
 }
 
