@@ -344,7 +344,7 @@ class Classes(Case):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)
         self.path("in.off").write_text(f"OFF\n{len(self.points)} 0 0\n" + "".join("%r %r %r\n" % p for p in self.points))
         self.fails(2, "run", self.path("in.off"), self.path("o.off"), "--outliers", "remove", "--tiles", "2",
-                   says=["in.off", "LAS, LAZ, PCD, PLY, OBJ and text", "--outliers mark", "--each"])
+                   says=["in.off", "LAS, LAZ, PCD, PLY, OBJ and text", "--each"])
         self.fails(2, "run", self.las, self.path("o.off"), "--outliers", "classify", says="--outliers")
 
     def test_a_refusal_of_tiles_says_why_and_what_does_it(self):
@@ -355,11 +355,11 @@ class Classes(Case):
         strips.write_text(head + rows + "4 0 1 60 61\n")
         said = self.fails(2, "run", strips, self.path("o.ply"), "--outliers", "remove", "--tiles", 2,
                           says=["strips.ply: what this file holds beside its points", "--outliers mark", "--each"])
-        self.assertNotIn("PLY and OBJ files only", said)
+        self.assertNotIn("text files only", said)
         off = self.path("in.off")
         off.write_text("OFF\n3600 0 0\n" + rows)
         said = self.fails(2, "run", off, self.path("o.off"), "--outliers", "remove", "--tiles", 2,
-                          says=["PLY and OBJ files only", "--each"])
+                          says=["PLY, OBJ and text files only", "--each"])
         self.assertNotIn("mark", said)
         pcd = self.path("in.pcd")
         self.ok("run", strips, pcd, "--strength", 0, "--encoding", "ascii", "-q")
