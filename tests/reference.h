@@ -171,7 +171,8 @@ inline double noise_share(const Points& points, std::size_t i, const List& list,
   for (const double height : heights) variance += (height - mean) * (height - mean) / double(heights.size());
   const double noise = std::pow(s.noise * noise_level(s, points[i]), 2);
   const double shape = std::max(0.0, variance - ((s.is_further ? 0.1 : 1.0) + 0.3) * noise);
-  return noise / (noise + s.damage * shape);
+  const double doubt = s.trusted * s.trusted / noise;
+  return noise / (noise + s.damage * shape) / (1 + doubt * doubt);
 }
 
 // Paper eq. 6 (eq. 2 where all area weights are 1), or Eq. 10 with both planes; 0 if no neighbour has weight.
@@ -211,13 +212,14 @@ inline double outlier_distance(Point p, const Settings& s) {
 // many are not; or all of a radius neighbourhood's are near its rim.
 inline bool is_outlier(const Points& points, std::size_t i, const List& list, Vec normal, const Settings& s) {
   const double most = outlier_distance(points[i], s), core = most * most;
+  const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
+  const double slab = is_sparse ? std::max(most, 0.15 * std::sqrt(squared_radius(points, i, s))) : most;
   double near_plane = 0, near = 0;
   for (const std::uint32_t j : list) {
     const Vec offset = to_vec(points[j]) - to_vec(points[i]);
-    near_plane += std::abs(dot(normal, offset)) <= most;
+    near_plane += std::abs(dot(normal, offset)) <= slab;
     near += s.k > 0 || dot(offset, offset) <= std::max(0.75 * squared_radius(points, i, s), core);
   }
-  const bool is_sparse = s.k == 0 && squared_radius(points, i, s) > s.outlier_radius * s.outlier_radius;
   const float all = float(list.size()), least = is_sparse ? 0.7f : 0.1f;  // a tenth of thirty is three in floats only
   return s.outlier_distance > 0 && (float(near_plane) < least * all || float(near) < 0.05f * all);
 }

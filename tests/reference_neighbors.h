@@ -59,7 +59,7 @@ struct Settings {
   std::shared_ptr<const NodeLevels> reach_levels;
   float widest = INFINITY;  // radii that neither these levels nor flat places enlarge further
   bool radius_follows = false, similarity_follows = false, farthest_follows = false;
-  double level_outlier_distance = 0, noise = 0, damage = 0;
+  double level_outlier_distance = 0, noise = 0, damage = 0, trusted = 0;
   bool is_further = false;  // not the first iteration
 };
 
@@ -106,6 +106,8 @@ inline Settings settings_of(const Params& resolved, const FollowedNoise& followe
   s.level_outlier_distance = followed.outlier_distance;
   s.noise = followed.damage > 0 ? resolved.noise.value : 0;
   s.damage = followed.damage;
+  s.trusted = followed.trusted;
+  if (s.trusted > 0) s.strength = 1;
   return s;
 }
 

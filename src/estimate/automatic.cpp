@@ -73,6 +73,7 @@ FollowedNoise followed_noise(const Params& asked, const Params& used, Estimate f
   if (!follows_noise(asked, noise)) return followed;
   if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(found.reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
+  if (followed.damage > 0 && noise.sigma > 0) followed.trusted = constants::kTrustedNoise * noise.surface_spacing;
   if (!found.levels) return followed;
   followed.levels = std::move(found.levels);
   followed.radius = asked.radius.is_automatic();

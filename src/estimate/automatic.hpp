@@ -18,7 +18,8 @@ struct FollowedNoise {
   double widest = std::numeric_limits<double>::infinity();  // the same
   bool radius = false, similarity = false, limit = false;   // and the similarity sigma, the displacement limit
   double outlier_distance = 0;                              // of level 1
-  double damage = 0;  // of the share of each displacement (point/noise_field.h); 0: all is made
+  double damage = 0;   // of the share of each displacement (point/noise_field.h); 0: all is made
+  double trusted = 0;  // noise of which half of that share is made, in place of the relaxation of a typical place
 };
 
 // What the automatic values of parameters follow from, so that nothing else need be measured.

@@ -30,7 +30,7 @@ inline constexpr double kFewOthers = 0.7;        // of the copies; on lines ther
 inline constexpr std::size_t kFewestCopies = 8;  // samples that have some; 141
 inline constexpr double kFullRows = 0.05;        // of the samples may have more points in that distance; 141
 inline constexpr double kNearlyAll = 0.98;       // of the copies; 141
-inline constexpr double kWithinCopies = 2;    // distances to nearly all copies; 141
+inline constexpr double kWithinCopies = 2;       // distances to nearly all copies; 141
 inline constexpr double kSurelyCopies = 0.01;    // spacings; farther copies are less apart than the noise; 141
 inline constexpr double kStepsOfChance = 2;      // of coordinates, within which chance brings 12 times the copies; 141
 inline constexpr std::size_t kMostOfSteps = 2;   // times the copies; of more points there, copies are chance; 141
@@ -55,6 +55,7 @@ inline constexpr double kFurtherNoise = 3, kFurtherShare = 0.125;  // of that; o
 inline constexpr double kSameSurface = 0.2;      // sine of an angle; of one surface .1 at most, of others .35; 165
 inline constexpr double kHiddenShare = 0.02;     // of the samples; 165
 inline constexpr std::size_t kFewestHidden = 8;  // samples; 165
+inline constexpr double kNextToNone = 1.0 / 8;   // of the surface's noise, where there is none; 165
 inline constexpr double kEndless = 1e9;          // of what cannot be told
 
 // Noise of a typical place.
@@ -91,7 +92,7 @@ inline constexpr std::size_t kSmoothed = 8;           // samples whose median is
 inline constexpr double kFitError = 0.1;              // of log variances, beside chance; (21); 082
 inline constexpr double kSpread = 0.7;                // of log levels, before anything is known; (21); 082
 inline constexpr double kChanceOfLevels = 0.1;        // of log levels, by the samples alone; (21); 082
-inline constexpr double kLargestLevel = 8;            // of the typical place, and its inverse the least; (21); 082
+inline constexpr double kLargestLevel = 32;           // of the typical place, and its inverse the least; (21); 082
 inline constexpr std::array kShapePowers{1.3, 2.0, 3.0, 4.0};  // of the size, by which shape grows; (21); 082
 inline constexpr int kLeastShape = -10, kMostShape = 8;        // half decades of shape over noise; (21); 082
 inline constexpr int kMostNodes = 32;                          // of the grid of levels along an axis; 082

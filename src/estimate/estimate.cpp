@@ -91,22 +91,23 @@ int surface_points(std::span<const point::ResidualSample> samples) {
 // Of the neighbourhoods that are wide against the noise.
 Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
   std::vector<double> sigmas, spacings, gaps;
-  std::size_t confined = 0;
+  std::size_t confined = 0, tubes = 0;
   for (const point::NoiseSample& sample : samples) {
+    tubes += sample.is_tube;
     if (!sample.shows_noise) continue;
     sigmas.push_back(sample.sigma);
     spacings.push_back(sample.spacing);
     if (!sample.is_wide) ++confined;
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
-  if (sigmas.empty()) return {};
+  if (sigmas.empty() || tubes > sigmas.size()) return {};  // of tubes of few points no surface shows
   // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
   // noise.
   const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
   Noise noise{sigma, quantile(spacings, 0.5)};
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
-  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size()))
+  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
     noise.gap = quantile(gaps, kGapQuantile);
   noise.depth_has_steps = depth_has_steps;
   noise.is_shared = depth_has_steps;
@@ -125,7 +126,7 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
   for (std::size_t i = 0; i < kNoiseSamples; ++i) {
     const point::NoiseSample& sample = samples.noise[i];
     shown += sample.shows_noise;
-    if (!sample.may_be_sheets) continue;
+    if (!sample.may_be_sheets || sample.is_tube) continue;
     thin.push_back(queries[i]);
     sigmas.push_back(sample.sigma);
   }
@@ -268,8 +269,7 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
   result.noise = noise_of(of_surface, false);
   result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
   if (!(result.noise.sigma > 0)) return;
-  for (double& level : noise)
-    level = portable::log(std::clamp(level / result.noise.sigma, 1 / kLargestLevel, kLargestLevel));
+  for (double& level : noise) level = portable::log(std::clamp(level / result.noise.sigma, kNextToNone, kLargestLevel));
   result.levels = noise_levels(places, std::move(noise), for_each);
 }
 
@@ -297,7 +297,7 @@ double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSt
     add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
-    if (!samples.noise[i].shows_noise) continue;
+    if (!samples.noise[i].shows_noise || residuals.empty()) continue;
     local.places.push_back(sample.points[i]);
     local.noise.push_back(samples.noise[i]);
     local.residuals.push_back(residuals[i]);

@@ -69,7 +69,7 @@ Settings settings_of(const Resolved& used, const KnownSensor& given) {
   s.fairing.closeness_of_radius = p.closeness_sigma.unit == Length::Unit::radius;
   s.fairing.symmetric = p.offset == Offset::symmetric;
   s.fairing.turn_angle = s.fairing.symmetric ? kFacingAngle : 0;
-  s.fairing.strength = float(p.relaxation.value_or(1));
+  s.fairing.strength = followed.trusted > 0 ? 1 : float(p.relaxation.value_or(1));
   if (p.method == Method::implicit) {
     s.fairing.implicit_weights = p.implicit_weights;
     s.fairing.implicit_lambda = p.implicit_lambda.value_or(0);
@@ -85,6 +85,7 @@ Settings settings_of(const Resolved& used, const KnownSensor& given) {
   }
   s.fairing.noise = followed.damage > 0 ? float(p.noise.value) : 0;
   s.fairing.damage = float(followed.damage);
+  s.fairing.trusted = float(followed.trusted);
   if (sensor.places) set_sensor(p, sensor, s);
   s.neighbors.reach_levels = followed.reach_levels;
   s.neighbors.widest = float(followed.widest);

@@ -32,11 +32,12 @@ inline constexpr float kChance = 0.3f, kNoiseLeft = 0.1f;
 // The share of a displacement that noise justifies, as a local Wiener filter has it: noise / (noise + damage x shape).
 // `variance`: of the heights; `noise`: the variance of the noise before the first iteration; `left`: how much of it the
 // heights still hold, 1 in the first iteration and kNoiseLeft in later ones; `damage`: what the step does to a shape,
-// in its variance within the neighbourhood.
+// in its variance within the neighbourhood. Noise far below `trusted`, a variance, is next to none.
 template <class F>
-POINTFAIR_INLINE F noise_share(F variance, F noise, float left, float damage) {
+POINTFAIR_INLINE F noise_share(F variance, F noise, float left, float damage, float trusted) {
   const F shape = larger(variance - noise * (left + kChance), F{});
-  const F whole = noise + shape * damage;
+  const F doubt = F(trusted) / larger(noise, F(1e-12f) * trusted);
+  const F whole = (noise + shape * damage) * (F(1.0f) + doubt * doubt);
   return select(whole > F{}, noise / whole, F{});
 }
 }  // namespace pointfair::point

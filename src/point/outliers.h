@@ -41,8 +41,10 @@ POINTFAIR_INLINE Outlier outlier_at(float x) {
 // surface through the point has three quarters of them (eight points lie all beyond by a chance of 1 to 65,000), or
 // within the outlier distance if that is more: the tails of the noise are no outliers. Where R is larger than the
 // outlier radius, points are so sparse that strays may be each other's neighbours: they fill the sphere, so seven
-// tenths of them must lie near the plane.
+// tenths of them must lie near the plane. There, a surface that is as sparse bends by more than the outlier distance,
+// so a slab of .15 R is near, of which strays have a quarter.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.75f;
+inline constexpr float kSparseSlab = 0.03f;  // of squared_core()
 // Of the neighbours of a point of one surface, so many lie near its plane.
 inline constexpr float kPlane = 0.9f;
 

@@ -18,6 +18,7 @@ struct NoiseSample {
   bool shows_noise = false;
   bool is_wide = false;        // against the noise; else the neighbourhood is as large as it may get
   bool may_be_sheets = false;  // GrowingNeighborhood::may_be_sheets()
+  bool is_tube = false;        // GrowingNeighborhood::is_tube(), which shows no noise
   double sigma = 0, spacing = 0, gap = 0;
 };
 
@@ -65,7 +66,7 @@ struct Look {
   bool is_wide = false;  // against the noise
   bool is_last = true;   // there are no more, or more are not looked at
   bool is_cut = true;    // there are fewer
-  bool may_be_sheets = false;
+  bool may_be_sheets = false, is_tube = false;
   double noise = -1;  // negative: they show none
   double spacing = 0, gap = 0;
 };
@@ -137,6 +138,7 @@ POINTFAIR_INLINE Look look_at(GrowingNeighborhood<Team, kMost>& neighborhood, Ro
   neighborhood.grow_to(look.is_cut ? row.there : points);
   look.is_wide = neighborhood.is_wide();
   if (!neighborhood.shows_a_surface() || !(look.is_wide || look.is_last || always)) return look;
+  look.is_tube = look.is_wide && neighborhood.is_tube();
   look.may_be_sheets = look.is_wide && neighborhood.may_be_sheets();
   look.noise = neighborhood.noise();
   look.spacing = neighborhood.spacing();
@@ -151,7 +153,7 @@ POINTFAIR_INLINE NoiseSample noise_sample(int first, int end, const LookIn& look
     const Look look = look_in(round);
     if (!look.is_wide && !look.is_last) continue;
     if (look.noise < 0) return {};
-    return {false, true, look.is_wide, look.may_be_sheets, look.noise, look.spacing, look.gap};
+    return {false, !look.is_tube, look.is_wide, look.may_be_sheets, look.is_tube, look.noise, look.spacing, look.gap};
   }
   return {true};
 }

@@ -25,6 +25,7 @@ struct FairingSettings {
   float strength = 1;                       // share of the displacement that is made
   float noise = 0;                          // at level 1, for Wiener's share of the step (Eq. 22); 0: a whole step
   float damage = 0;                         // c of Eq. 22
+  float trusted = 0;                        // noise of which half a share is believed: less looks like shape
   bool is_further = false;                  // the points come from an iteration before
   float outlier_distance = 0;               // of an outlier to its neighbours (outliers.h); 0: none are looked for
   float level_outlier_distance = 0;         // times the level of the noise; the larger distance of both counts

@@ -199,11 +199,10 @@ struct Verdict {
 };
 
 // `distance` along the normal; `squared_distance` is that of outliers at the point.
-template <bool kSees, class Neighbors, class F = NumberOf<Neighbors>>
+template <bool kSees, class Neighbors, class Mask, class F = NumberOf<Neighbors>>
 POINTFAIR_DEVICE_INLINE Verdict<F> verdict_of(const Neighbors& neighbors, const FairingSettings& settings,
                                               const Agreement<F>& agreement, const BeamNeighbors<F>& beam_neighbors,
-                                              F distance, F squared_distance) {
-  const auto is_sparse = neighbors.squared_core() > F(squared_core(settings.outlier_radius * settings.outlier_radius));
+                                              Mask is_sparse, F distance, F squared_distance) {
   Verdict<F> verdict{
       typename Verdict<F>::Mask(agreement.is_missing(is_sparse)),
       select(agreement.is_isolated(is_sparse), F(place_of(Outlier::isolated)), F(place_of(Outlier::off_surface)))};
@@ -257,7 +256,11 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
   const F squared_outlier_distance =
       larger(F(settings.outlier_distance * settings.outlier_distance),
              squared_level * (settings.level_outlier_distance * settings.level_outlier_distance));
-  const F squared_core = larger(neighbors.squared_core(), squared_outlier_distance);
+  const F own_core = neighbors.squared_core();
+  const F squared_core = larger(own_core, squared_outlier_distance);
+  const auto is_sparse = own_core > F(point::squared_core(settings.outlier_radius * settings.outlier_radius));
+  const F squared_slab =
+      select(is_sparse, larger(squared_outlier_distance, own_core * F(kSparseSlab)), squared_outlier_distance);
   BeamNeighbors<F> beam_neighbors(own.to_sensor, settings.beam_width * settings.beam_width, squared_outlier_distance);
   F distance =
       bilateral_distance(neighbors, settings, weights, normal, normals, areas, [&](Vec3<F> offset, auto inside) {
@@ -265,18 +268,19 @@ POINTFAIR_DEVICE_INLINE Vec3<NumberOf<Neighbors>> faired_point(const Neighbors& 
         if constexpr (kSeeksOutliers || kShares) {
           const F height = dot(normal, offset);
           if constexpr (kShares) spread.add(height, inside);
-          if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_outlier_distance, squared_core);
+          if constexpr (kSeeksOutliers) agreement.add(offset, height, inside, squared_slab, squared_core);
         }
       });
   if constexpr (kShares)
     distance = distance * noise_share(spread.variance(), squared_level * (settings.noise * settings.noise),
-                                      settings.is_further ? kNoiseLeft : 1.0f, settings.damage);
+                                      settings.is_further ? kNoiseLeft : 1.0f, settings.damage,
+                                      settings.trusted * settings.trusted);
   const Vec3<F> there = place_after<kSees>(settings, own, distance);
   if constexpr (!kSeeksOutliers) {
     return there;
   } else {
-    const Verdict<F> verdict =
-        verdict_of<kSees>(neighbors, settings, agreement, beam_neighbors, distance, squared_outlier_distance);
+    const Verdict<F> verdict = verdict_of<kSees>(neighbors, settings, agreement, beam_neighbors, is_sparse, distance,
+                                                 squared_outlier_distance);
     // a point without a normal keeps its place
     const auto is_outlier = verdict.is_outlier & (squared_length(normal) > F{});
     if (!neighbors.any(is_outlier)) return there;

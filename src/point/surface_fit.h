@@ -71,7 +71,8 @@ POINTFAIR_INLINE Terms<kMoments> moments(Offset o, double weight) {
 struct Plane {
   Offset centroid, normal;
   double variance;   // along the normal
-  double roundness;  // of the spread along the plane, the lesser variance over the greater: 0 on a line
+  double across;     // the lesser variance along the plane
+  double roundness;  // that over the greater one: 0 on a line
   bool exists;
   POINTFAIR_INLINE double height(Offset o) const { return dot(o - centroid, normal); }
 };
@@ -92,7 +93,8 @@ POINTFAIR_INLINE Plane plane_of(const Terms<kMoments>& sums, double n) {
   const double minors = ((m.xx * m.yy - m.xy * m.xy) + (m.xx * m.zz - m.xz * m.xz)) + (m.yy * m.zz - m.yz * m.yz);
   const double product = minors - least * both;
   const double greater = (both + square_root(larger(0.0, both * both - 4 * product))) / 2;
-  return {c, a, least, greater > 0 ? (both - greater) / greater : 0, normal.exists};
+  const double across = both - greater;
+  return {c, a, least, across, greater > 0 ? across / greater : 0, normal.exists};
 }
 
 // A sphere of radius r cuts the slab of noise: near its rim only small offsets are inside. Undoes that to second order.
@@ -107,6 +109,8 @@ POINTFAIR_INLINE double without_slab_bias(double variance, double radius) {
 }
 
 inline constexpr double kWideRadius = 3.7;  // standard deviations of the heights over a plane
+inline constexpr double kWideAcross = 2;    // variances of these, of the lesser one along the plane; 1.2 about a line
+inline constexpr double kHollow = 1.4;      // of squared mean squares; 1 on a tube, 2 in a wire's noise
 
 // The nearest points of a sample, first few of them and then more.
 template <class Team, int kMost>
@@ -138,6 +142,31 @@ class GrowingNeighborhood {
   // Whether the neighbourhood is wide against the noise.
   POINTFAIR_INLINE bool is_wide() const {
     return shows_a_surface() && radius_ >= kWideRadius * square_root(plane_variance());
+  }
+  // Whether one that is wide is so along a single line, about which it is as thick in each direction, and hollow:
+  // heights over a plane through a tube of few points are shape, and show no noise. Noise about a wire is hollow
+  // nowhere: of its distances from the line, the mean fourth power is twice the squared mean square; of a tube's as
+  // large. O(n).
+  POINTFAIR_INLINE bool is_tube() const {
+    if (gap_ > 0 || plane_.across >= kWideAcross * plane_variance()) return false;
+    const Terms<kMoments> sums = moments_.total();
+    const double(&s)[kMoments] = sums.of;
+    const double n = count_;
+    const Offset c = {s[0] / n, s[1] / n, s[2] / n};
+    const Sym3<double> m = {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
+                            s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
+    const double trace = (m.xx + m.yy) + m.zz;
+    const auto line = least_eigenvector(Sym3<double>{trace - m.xx, -m.xy, -m.xz, trace - m.yy, -m.yz, trace - m.zz});
+    if (!line.exists) return false;
+    const FitSpace<kMost>& space = space_;
+    const Offset along = line.unit;
+    typename Team::template Sums<2> powers(team_);
+    powers.add(0, count_, [&space, c, along](int i) {
+      const double squared = squared_length(cross(space.offset(i) - c, along));
+      return Terms<2>{{squared, squared * squared}};
+    });
+    const Terms<2> found = powers.total();
+    return found.of[1] * n < kHollow * found.of[0] * found.of[0];
   }
   // The gap between the two sheets of a thin part that these points belong to; 0 where there is one sheet.
   POINTFAIR_INLINE double gap() const { return gap_; }
