@@ -221,7 +221,7 @@ inline bool is_outlier(const Points& points, std::size_t i, const List& list, Ve
     near += s.k > 0 || dot(offset, offset) <= std::max(0.75 * squared_radius(points, i, s), core);
   }
   const float all = float(list.size()), least = is_sparse ? 0.7f : 0.1f;  // a tenth of thirty is three in floats only
-  return s.outlier_distance > 0 && (float(near_plane) < least * all || float(near) < 0.05f * all);
+  return s.outlier_distance > 0 && (float(near_plane) < least * all || float(near) < (is_sparse ? 0.3f : 0.05f) * all);
 }
 
 // From the point to the mean of its neighbours, weighted by closeness in a list, by the sixth power of the inverse

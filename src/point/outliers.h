@@ -42,9 +42,10 @@ POINTFAIR_INLINE Outlier outlier_at(float x) {
 // within the outlier distance if that is more: the tails of the noise are no outliers. Where R is larger than the
 // outlier radius, points are so sparse that strays may be each other's neighbours: they fill the sphere, so seven
 // tenths of them must lie near the plane. There, a surface that is as sparse bends by more than the outlier distance,
-// so a slab of .15 R is near, of which strays have a quarter.
+// so a slab of .15 R is near, of which strays have a quarter; and three tenths lie within 0.87 R, as what is far off
+// has few beside it.
 inline constexpr float kLeastNearPlane = 0.1f, kLeastOfSparse = 0.7f, kLeastNear = 0.05f, kNearSquaredRadius = 0.75f;
-inline constexpr float kSparseSlab = 0.03f;  // of squared_core()
+inline constexpr float kSparseSlab = 0.03f, kLeastNearOfSparse = 0.3f;  // of squared_core(); of the neighbours
 // Of the neighbours of a point of one surface, so many lie near its plane.
 inline constexpr float kPlane = 0.9f;
 
@@ -70,7 +71,7 @@ struct Agreement {
   template <class Mask>
   POINTFAIR_INLINE auto is_missing(Mask is_sparse) const {
     const F least = select(is_sparse, F(kLeastOfSparse), F(kLeastNearPlane));
-    return (near_plane < all * least) | (near < all * F(kLeastNear));
+    return (near_plane < all * least) | (near < all * select(is_sparse, F(kLeastNearOfSparse), F(kLeastNear)));
   }
   // Whether the neighbours show more than one surface, or none.
   POINTFAIR_INLINE auto lacks_plane() const { return near_plane < all * F(kPlane); }
