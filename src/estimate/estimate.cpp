@@ -290,14 +290,14 @@ double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSt
   Noise& noise = result.noise;
   noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
   noise.repeats = repeats;
-  std::vector<point::ResidualSample> residuals;  // of all places
-  if (noise.surface_spacing > 0) residuals = samples.residuals();
+  if (!(noise.surface_spacing > 0)) return 0;                          // no surface shows
+  std::vector<point::ResidualSample> residuals = samples.residuals();  // of all places
   cover_rounding(steps, residuals);
-  if (!depth_has_steps && noise.surface_spacing > 0)
+  if (!depth_has_steps)
     add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
-    if (!samples.noise[i].shows_noise || residuals.empty()) continue;
+    if (!samples.noise[i].shows_noise) continue;
     local.places.push_back(sample.points[i]);
     local.noise.push_back(samples.noise[i]);
     local.residuals.push_back(residuals[i]);

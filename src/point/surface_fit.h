@@ -77,12 +77,18 @@ struct Plane {
   POINTFAIR_INLINE double height(Offset o) const { return dot(o - centroid, normal); }
 };
 
-// Of n offsets, from their moments.
-POINTFAIR_INLINE Plane plane_of(const Terms<kMoments>& sums, double n) {
+// Of n offsets, from their moments, as the next two.
+POINTFAIR_INLINE Offset centroid_of(const Terms<kMoments>& sums, double n) {
+  return {sums.of[0] / n, sums.of[1] / n, sums.of[2] / n};
+}
+POINTFAIR_INLINE Sym3<double> covariance_of(const Terms<kMoments>& sums, double n, Offset c) {
   const double(&s)[kMoments] = sums.of;
-  const Offset c = {s[0] / n, s[1] / n, s[2] / n};
-  const Sym3<double> m = {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
-                          s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
+  return {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
+          s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
+}
+POINTFAIR_INLINE Plane plane_of(const Terms<kMoments>& sums, double n) {
+  const Offset c = centroid_of(sums, n);
+  const Sym3<double> m = covariance_of(sums, n, c);
   const auto normal = least_eigenvector(m);
   const Offset a = normal.unit;
   const Offset along = {(m.xx * a.x + m.xy * a.y) + m.xz * a.z, (m.xy * a.x + m.yy * a.y) + m.yz * a.z,
@@ -150,11 +156,9 @@ class GrowingNeighborhood {
   POINTFAIR_INLINE bool is_tube() const {
     if (gap_ > 0 || plane_.across >= kWideAcross * plane_variance()) return false;
     const Terms<kMoments> sums = moments_.total();
-    const double(&s)[kMoments] = sums.of;
     const double n = count_;
-    const Offset c = {s[0] / n, s[1] / n, s[2] / n};
-    const Sym3<double> m = {s[3] / n - c.x * c.x, s[4] / n - c.x * c.y, s[5] / n - c.x * c.z,
-                            s[6] / n - c.y * c.y, s[7] / n - c.y * c.z, s[8] / n - c.z * c.z};
+    const Offset c = centroid_of(sums, n);
+    const Sym3<double> m = covariance_of(sums, n, c);
     const double trace = (m.xx + m.yy) + m.zz;
     const auto line = least_eigenvector(Sym3<double>{trace - m.xx, -m.xy, -m.xz, trace - m.yy, -m.yz, trace - m.zz});
     if (!line.exists) return false;
