@@ -14,7 +14,6 @@
 #include "io/box_of.hpp"
 #include "io/file_bytes.hpp"
 #include "io/parallel.hpp"
-#include "io/remaining_source.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
 #include "options/outlier_values.hpp"
@@ -22,7 +21,6 @@
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
 #include "pointfair/file_info.hpp"
-#include "pointfair/run_notes.hpp"
 #include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
 #include "scale/given.hpp"
@@ -178,25 +176,6 @@ std::string why_not_written(const TiledJob& job, const Source& source, const fs:
   const std::string added = added_outlier_attribute(job.outlier_action, job.params, source);
   const std::string why = io::why_not_streamed(source, output, job.write, added);
   return why.empty() ? why_no_outlier_action(job.outlier_action, source) : why;
-}
-
-std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source,
-                               const InputFile& file) {
-  std::vector<FileNote> notes;
-  const auto add = [&](FileNote::Kind kind, const std::vector<std::string>& texts) {
-    for (const std::string& text : texts) {
-      std::string& line = notes.emplace_back(FileNote{kind, text}).text;
-      std::ranges::replace(line, '\n', ' ');  // a file may name things so
-    }
-  };
-  const std::string added = added_outlier_attribute(job.outlier_action, job.params, *source);
-  add(FileNote::Kind::loss, io::losses_when_streamed(*source, file.output, job.write, added));
-  if (job.outlier_action.kind == OutlierAction::Kind::remove)
-    add(FileNote::Kind::loss_by_removal, io::losses_by_removal(*source));
-  const Cloud shell{.origin = source->origin(), .source = source};
-  add(FileNote::Kind::beside, notes_on_waveforms(shell));
-  add(FileNote::Kind::on_moves, notes_on_kept_normals(shell, source->format()));
-  return notes;
 }
 
 void refuse_if(const std::string& why) {
@@ -360,7 +339,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     // the types of a text are known once all of it was read
     plan.stores_floats |= source->encoding() != Encoding::ascii && source->stores_floats();
     file.coordinate_system = coordinate_system_of(*source);
-    file.notes = notes_on(job, source, file);
+    file.notes = notes_on(job, source, file.output);
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;
@@ -389,12 +368,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
 }
 
 void refuse_losses(const Plan& plan) {
-  for (const InputFile& file : plan.files) {
-    std::vector<std::string> lost;
-    for (const FileNote& note : file.notes)
-      if (note.kind == FileNote::Kind::loss || note.kind == FileNote::Kind::loss_by_removal) lost.push_back(note.text);
-    io::refuse_losses(file.output, lost);
-  }
+  for (const InputFile& file : plan.files) refuse_losses(file.output, file.notes);
 }
 
 bool has_plan(const fs::path& work) { return fs::exists(work / kPlanName); }

@@ -15,22 +15,11 @@
 
 #include "io/source.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "scale/file_notes.hpp"
 #include "scale/leaf_tree.hpp"
 #include "scale/zones.hpp"
 
 namespace pointfair::scale {
-
-/// What is known of a result before the work, and told after it.
-struct FileNote {
-  enum class Kind : std::uint8_t {
-    loss,             ///< the output does not keep it
-    loss_by_removal,  ///< the same, where points are left out
-    beside,           ///< files that lie beside the input
-    on_moves          ///< what no longer is true once points moved
-  };
-  Kind kind;
-  std::string text;  ///< one line
-};
 
 struct InputFile {
   std::filesystem::path path, output;

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What a run in tiles will tell of each of its files, known when it is planned.
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "io/source.hpp"
+#include "pointfair/tiled_run.hpp"
+
+namespace pointfair::scale {
+
+/// What is known of a result before the work, and told after it.
+struct FileNote {
+  enum class Kind : std::uint8_t {
+    loss,             ///< the output does not keep it
+    loss_by_removal,  ///< the same, where points are left out
+    beside,           ///< files that lie beside the input
+    on_moves          ///< what no longer is true once points moved
+  };
+  Kind kind;
+  std::string text;  ///< one line
+};
+
+std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source,
+                               const std::filesystem::path& output);
+
+/// Throws Error(file) where notes tell of losses.
+void refuse_losses(const std::filesystem::path& output, const std::vector<FileNote>& notes);
+
+}  // namespace pointfair::scale
