@@ -327,6 +327,42 @@ def wires(rng: Random) -> Drawn:
 
 
 @family("special")
+def bristles(rng: Random) -> Drawn:
+    """Tubes about as thick as their points are apart, as those of fences, brushes, rebars, side by side or anyhow."""
+    scene, radius = Scene(), log_uniform(rng, .002, .02)
+    count, spacing = usual_count(rng), radius * log_uniform(rng, .4, 1.4)
+    tubes, side_by_side = int(rng.integers(20, 60)), rng.random() < .5
+    length = count * spacing ** 2 / (2 * np.pi * radius * tubes)
+    for k in range(tubes):
+        along = np.array([0, 0, 1.0]) if side_by_side else unit(rng.normal(size=3))
+        middle = np.array([k * radius * 8, 0, 0]) if side_by_side else rng.uniform(-.5, .5, 3) * max(length, 60 * radius)
+        scene.add("bristle", pipe(middle + np.linspace(-.5, .5, 12)[:, None] * length * along, radius, 24))
+    scene.finish()
+    clean, triangle = cameras.surface_points(scene, rng, count)
+    sigma = radius * log_uniform(rng, .02, .3)
+    error = scene.caster.normals[triangle] * sigma * rng.normal(size=(len(clean), 1))
+    return plain(scene, clean, triangle, error, {"radius": radius, "spacing": spacing, "sigma": sigma})
+
+
+@family("special")
+def sparse_beside_dense(rng: Random) -> Drawn:
+    """Ground of which a patch has 16 to 2,000 times the density of the rest, noise of a fifth of the own spacing or alike."""
+    side, times = 120, log_uniform(rng, 4, 45)
+    scene = scene_of("field", _height_field(rng, side))
+    count, share = usual_count(rng), rng.uniform(.3, .7)
+    width = side * np.sqrt(share / (1 - share)) / times
+    corner = rng.uniform(0, side - 1 - width, 2)
+    sparse, _ = cameras.surface_points(scene, rng, int(count * (1 - share)))
+    dense = np.column_stack([corner + width * rng.random((int(count * share), 2)), np.zeros(int(count * share))])
+    dense, _ = scene.caster.closest(dense + [0, 0, 0])
+    clean, triangle = scene.caster.closest(np.concatenate([sparse, dense]))
+    spacing = np.repeat([side / np.sqrt(len(sparse)), width / np.sqrt(len(dense))], [len(sparse), len(dense)])
+    sigma = .2 * spacing if rng.random() < .5 else .2 * spacing.min()
+    error = np.reshape(sigma * np.ones(len(clean)), (-1, 1)) * rng.normal(size=(len(clean), 1))
+    return plain(scene, clean, triangle, scene.caster.normals[triangle] * error, {"times": times, "share": share})
+
+
+@family("special")
 def thin_plates(rng: Random) -> Drawn:
     """Plates seen from both sides, 2 to 5 noise thick."""
     scene, sigma = Scene(), log_uniform(rng, .001, .01)

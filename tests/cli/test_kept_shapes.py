@@ -1,0 +1,55 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Clouds that are not like the usual scan keep their shape, and what is noise in them goes."""
+import math
+import random
+import unittest
+
+from program import Case, positions, read_ply
+from test_tiled import write_binary
+
+
+def rms(values):
+    values = list(values)
+    return math.sqrt(sum(value * value for value in values) / len(values))
+
+
+class KeptShapes(Case):
+    def denoised(self, points, *flags):
+        write_binary(self.path("in.ply"), points, "double")
+        self.ok("run", self.path("in.ply"), self.path("out.ply"), "-q", *flags)
+        return positions(self.path("out.ply"))
+
+    def test_tubes_as_thick_as_their_points_are_apart_are_no_noise(self):
+        rng = random.Random(1)
+        points = []
+        for _ in range(20000):
+            turn, radius = rng.uniform(0, 2 * math.pi), 1 + rng.gauss(0, .05)
+            points.append((10 * rng.randrange(8) + radius * math.cos(turn), radius * math.sin(turn), rng.uniform(0, 400)))
+        off = lambda p: math.hypot(p[0] - 10 * round(p[0] / 10), p[1]) - 1
+        self.assertLess(rms(map(off, self.denoised(points))), 1.02 * rms(map(off, points)))
+
+    def test_noise_of_a_part_goes_beside_what_has_hardly_any(self):
+        rng = random.Random(2)
+        places = [(rng.uniform(0, 140), rng.uniform(0, 140)) for _ in range(20000)]
+        points = [(x, y, rng.gauss(0, .3 if x > 100 else .01)) for x, y in places]
+        out = self.denoised(points)
+        for loud, most in ((True, .4), (False, 1)):
+            its = [i for i, (x, _) in enumerate(places) if (x > 100) == loud]
+            self.assertLess(rms(out[i][2] for i in its), most * rms(points[i][2] for i in its))
+
+    def test_sparse_ground_beside_a_dense_patch_is_ground(self):
+        rng = random.Random(3)
+        patch = [(rng.uniform(0, 110), rng.uniform(0, 110), 1) for _ in range(12000)]
+        around = [(rng.uniform(120, 2950), rng.uniform(0, 2830), 32) for _ in range(8000)]
+        height = lambda x, y: 35 * math.sin(x * .009) * math.cos(y * .009)
+        points = [(x, y, height(x, y) + rng.gauss(0, .2 * spacing)) for x, y, spacing in patch + around]
+        out = self.denoised(points, "--outliers", "mark")
+        marked = sum(row["outlier"] > 0 for row in read_ply(self.path("out.ply"))[12000:])
+        self.assertLess(marked, .05 * len(around))
+        off = lambda rows: rms(z - height(x, y) for x, y, z in rows[12000:])
+        self.assertLess(off(out), .5 * off(points))
+
+
+if __name__ == "__main__":
+    unittest.main()
