@@ -75,10 +75,10 @@ class PartsReader {
     return to_number(word).value_or(0) != 0;
   }
 
-  // Lines of texture coordinates may follow the faces that name them.
+  // Lines of texture coordinates may follow the faces that name them; a file has fewer of them than bytes.
   void take_texture(std::int64_t texture) {
-    if (texture < 0) return;
     const auto place = static_cast<std::size_t>(texture);
+    if (texture < 0 || place >= text_.file.size()) return;
     if (place >= textures_used_.size()) textures_used_.resize(std::max(place + 1, 2 * textures_used_.size()));
     textures_used_[place] = true;
   }

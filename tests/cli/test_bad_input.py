@@ -174,6 +174,14 @@ class Outputs(Case):
         self.fails(4, "bench", "--points", 10**9, says="memory", preexec_fn=little_memory)
         self.fails(4, "bench", "--points", 2**62, says="memory", preexec_fn=little_memory)
 
+    @unittest.skipIf(SANITIZED, "sanitizers reserve more address space than the limit allows")
+    def test_a_corner_far_beyond_the_coordinates_of_an_obj_takes_no_memory(self):
+        """A texture coordinate of so high a number took 250 MiB, a bit for each."""
+        far = self.path("far.obj")
+        far.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/2000000000 2/1 3/1\n")
+        little = lambda: resource.setrlimit(resource.RLIMIT_DATA, (200 << 20,) * 2)
+        self.ok("run", far, self.path("out.ply"), "-q", preexec_fn=little)
+
 
 class Streams(Case):
     """Pipes and devices as inputs and outputs, and standard streams that are closed or full."""
