@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """models.py FOLDER: puts the models of Debian's libcgal-demo that the demo, the figures and the paper's
 tables use into the folder: meshes, armadillo.off, dragon.off and fandisk.off, and scans, hippo.ply and building.ply."""
+import fcntl
 import pathlib
 import subprocess
 import sys
@@ -19,13 +20,22 @@ MODELS = {
 
 
 def extract(archive, folder):
+    """Each is there once it is whole, and all others are once the last is: tests run side by side and look for that one."""
     with tarfile.open(archive) as tar:
         for name, member in MODELS.items():
-            (folder / name).write_bytes(tar.extractfile(member).read())
+            unfinished = folder / f"{name}.unfinished"
+            unfinished.write_bytes(tar.extractfile(member).read())
+            unfinished.replace(folder / name)
 
 
 def fetch(folder):
     folder.mkdir(parents=True, exist_ok=True)
+    with open(folder / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        fetch_alone(folder)
+
+
+def fetch_alone(folder):
     if all((folder / name).exists() for name in MODELS):
         return
     if (pathlib.Path("/") / ARCHIVE).exists():
