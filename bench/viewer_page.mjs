@@ -9,7 +9,7 @@ import os from "node:os";
 import path from "node:path";
 import { fileURLToPath } from "node:url";
 import {
-  dataset, grip, noisyArmadillo, openBrowser, openPage, settled, slider, temporaryFolder, updates, view,
+  dataset, grip, launchBrowser, noisyArmadillo, openPage, settled, slider, temporaryFolder, updates, view,
 } from "../tests/web/program.mjs";
 
 const kSource = path.join(path.dirname(fileURLToPath(import.meta.url)), "..");
@@ -90,7 +90,8 @@ async function turned(page, seconds) {
 async function measure(scope, { points, models, seconds }) {
   execFileSync("python3", [path.join(kSource, "scripts/models.py"), models], { stdio: ["ignore", "ignore", "inherit"] });
   const noisy = noisyArmadillo(temporaryFolder(scope), points, models);
-  const browser = await openBrowser(scope);
+  const browser = await launchBrowser();
+  scope.after(() => browser.close());
   const started = performance.now();
   const { url, child } = await view(scope, [noisy, "--port", 0]);
   const opened = performance.now();

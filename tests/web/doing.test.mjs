@@ -133,7 +133,7 @@ test("a result that comes when newer parameters have been asked for is known by 
       held.push(() => socket.send(frame));
     });
   };
-  const { page } = await openPage(t, await openBrowser(t), url, {}, (before) => before.routeWebSocket(/session/, hold));
+  const { page } = await openPage(t, await openBrowser(), url, {}, (before) => before.routeWebSocket(/session/, hold));
   await settled(page);
   for (const [i, k] of ["30", "40"].entries()) {
     await entry(page, "k").fill(k);

@@ -12,7 +12,7 @@ const checked = (page) => page.getByRole("radio", { checked: true }).first().tex
 test("without a file the page asks for one", async (t) => {
   const folder = temporaryFolder(t);
   const { url } = await view(t, ["--port", 0, "--save-folder", folder]);
-  const { page } = await openPage(t, await openBrowser(t), url);
+  const { page } = await openPage(t, await openBrowser(), url);
   await page.getByRole("heading", { name: "Open a scan" }).waitFor();
   const broken = path.join(folder, "broken.ply");
   writeFileSync(broken, "ply\nformat ascii 1.0\n");
@@ -35,7 +35,7 @@ test("without a file the page asks for one", async (t) => {
 
 test("the first view shows what the run did, and a later one what the user asked for", async (t) => {
   const folder = temporaryFolder(t);
-  const browser = await openBrowser(t);
+  const browser = await openBrowser();
   for (const [name, noise, mode, colour] of [["rough.xyz", 2, "Wipe", "plain"], ["fine.xyz", 0.05, "Denoised", "displacement"]]) {
     const { url } = await view(t, [sheet(folder, name, 60, noise), "--port", 0]);
     const { page } = await openPage(t, browser, url);
@@ -57,7 +57,7 @@ test("attributes that are zero everywhere are not offered, and lengths are in mm
   const [csv, e57] = ["a.csv", "a.e57"].map((name) => path.join(folder, name)); // E57 is in metres
   writeFileSync(csv, ["x,y,z,depth,nothing", ...rows].join("\n"));
   run(["run", csv, e57, "--strength", 0, "-q"]);
-  const browser = await openBrowser(t);
+  const browser = await openBrowser();
   const { page } = await openPage(t, browser, (await view(t, [csv, "--port", 0])).url);
   await settled(page);
   const offered = await page.locator("#colour option").allTextContents();

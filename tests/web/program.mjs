@@ -6,7 +6,7 @@ import { existsSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
 import path from "node:path";
-import nodeTest from "node:test";
+import nodeTest, { after } from "node:test";
 import { canvas, readsPixels } from "./looks.mjs";
 
 export const kProgram = process.env.POINTFAIR_BIN;
@@ -20,11 +20,17 @@ export function withModels() {
   return here ? {} : { skip: "the models of libcgal-demo are not here and cannot be fetched" };
 }
 
+let browser, closes = false;
+
 /** A test at whose end no page that it opened has a fault. */
-export const test = (name, options, body = options) => nodeTest(name, body === options ? {} : options, async (t) => {
-  await body(t);
-  assert.deepEqual(t.faults ?? [], []);
-});
+export function test(name, options, body = options) {
+  if (!closes) after(() => browser?.close());
+  closes = true;
+  return nodeTest(name, body === options ? {} : options, async (t) => {
+    await body(t);
+    assert.deepEqual(t.faults ?? [], []);
+  });
+}
 
 /** A folder that goes with the test. */
 export function temporaryFolder(t) {
@@ -63,15 +69,13 @@ export async function view(t, words, options = {}) {
 }
 
 /** Debian's Chromium, with a graphics card in software. */
-export async function openBrowser(t) {
-  const { chromium } = modules("playwright-core");
-  const browser = await chromium.launch({
-    executablePath: process.env.POINTFAIR_CHROMIUM ?? "/usr/bin/chromium",
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
-  });
-  t.after(() => browser.close());
-  return browser;
-}
+export const launchBrowser = () => modules("playwright-core").chromium.launch({
+  executablePath: process.env.POINTFAIR_CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-dev-shm-usage"],
+});
+
+/** One browser for all tests of a file: it takes long to start, and pages of two tests have nothing in common. */
+export const openBrowser = async () => (browser = browser?.isConnected() ? browser : await launchBrowser());
 
 /** A page at the URL, which prepare(page) sees first. What it logs as an error, or asks of another address, is a fault of the test. */
 export async function openPage(t, browser, url, options = {}, prepare = async () => {}) {
@@ -96,7 +100,7 @@ export async function openPage(t, browser, url, options = {}, prepare = async ()
 /** `pointfair view` of the words, and a page with the state, once it shows a result. */
 export async function show(t, words, state = "", options = {}) {
   const { url, child } = await view(t, [...words, "--port", 0]);
-  const opened = await openPage(t, await openBrowser(t), url + state, options);
+  const opened = await openPage(t, await openBrowser(), url + state, options);
   await settled(opened.page);
   return { ...opened, url, child };
 }

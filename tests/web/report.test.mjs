@@ -28,7 +28,8 @@ test("the report of a run is read by everyone, without a network", async (t) => 
   writeFileSync(scan, `${waves(10000)}\n5 5 6\n2 3 -4\n`);
   run(["run", scan, out, "--report", report, "-q"]);
   assert.ok(statSync(report).size < 3e6);
-  const context = await (await openBrowser(t)).newContext({ viewport: { width: 1280, height: 900 } });
+  const context = await (await openBrowser()).newContext({ viewport: { width: 1280, height: 900 } });
+  t.after(() => context.close());
   const page = await context.newPage();
   const [asked, faults] = [[], []];
   page.on("request", (request) => request.url().startsWith("data:") || asked.push(request.url()));

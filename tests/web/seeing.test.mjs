@@ -205,7 +205,7 @@ test("of a large cloud a part is held; a held slider shows previews, and the who
 
 test("a cloud without a result is shown as the original, and says why", async (t) => {
   const { url } = await view(t, [sheet(temporaryFolder(t), "plain.xyz", 30), "--port", 0]);
-  const browser = await openBrowser(t);
+  const browser = await openBrowser();
   const checked = (page) => page.getByRole("radio", { checked: true }).first().textContent();
 
   await t.test("parameters of a link that fail give way to the defaults", async () => {

@@ -30,7 +30,7 @@ async function serve(t) {
 
 async function open(t) {
   const { url, server } = await serve(t);
-  const opened = await openPage(t, await openBrowser(t), url);
+  const opened = await openPage(t, await openBrowser(), url);
   await opened.page.getByRole("heading", { name: "Open a scan" }).waitFor();
   await opened.page.waitForFunction(() => document.body.dataset.offline === "true");
   return { ...opened, server };

@@ -73,7 +73,7 @@ test("a picture that is missing, is no picture, or lies outside of the folder is
       writeFileSync(path.join(outer, "secret.png"), readFileSync(path.join(folder, "picture.png")));
       writeFileSync(path.join(folder, "broken.png"), readFileSync(path.join(folder, "picture.png")).subarray(0, 60));
       const { url } = await view(t, [file, "--port", 0]);
-      const { page, faults } = await openPage(t, await openBrowser(t), `${url}#cloud=sheet.obj&${kLook}`);
+      const { page, faults } = await openPage(t, await openBrowser(), `${url}#cloud=sheet.obj&${kLook}`);
       await page.locator(".toast", { hasText: words }).waitFor();
       await settled(page);
       assert.equal(await dataset(page, "pictures"), "0");
@@ -90,7 +90,7 @@ test("a mesh is opened in the page together with the files that it names", async
   const file = texturedSheet(folder);
   const names = ["picture.png", "sheet.mtl", "sheet.obj"].map((name) => path.join(folder, name));
   const { url } = await view(t, ["--port", 0]);
-  const { page } = await openPage(t, await openBrowser(t), `${url}#cloud=sheet.obj&${kLook}`);
+  const { page } = await openPage(t, await openBrowser(), `${url}#cloud=sheet.obj&${kLook}`);
   const choosing = page.waitForEvent("filechooser");
   await page.locator("#choose").click();
   await (await choosing).setFiles(names);
