@@ -63,7 +63,7 @@ inline constexpr double kNoiseQuantile =
     0.35;  // of the samples: edges and outliers only raise a residual; (8); estimates
 inline constexpr double kLeastQuantile = 0.15;  // of the samples, where they spread; (8); estimates
 inline constexpr double kMostOverLeast = 1.2;   // of the residual at that quantile; (8); estimates
-inline constexpr double kSheetShare = 0.15;     // of the samples; fewer that see two sheets are corners; sheets, 028
+inline constexpr double kSheetShare = 0.25;     // of the samples; fewer that see two sheets are a part; sheets, 028
 inline constexpr double kThinShare = 0.5;       // of the samples may see two sheets; of other clouds less; sheets, 028
 inline constexpr double kBeyondEven = 0.01;     // of residuals beyond two deviations; fewer of even noise; sheets, 028
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets

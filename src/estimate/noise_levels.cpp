@@ -55,6 +55,11 @@ std::vector<Shown> shown_by(const LocalSamples& samples) {
   for (std::size_t i = 0; i < shown.size(); ++i) {
     if (!samples.noise[i].is_wide) continue;
     shown[i].spacing = samples.noise[i].spacing;
+    if (samples.noise[i].gap > 0) {  // smaller and larger neighbourhoods may take two sheets for one
+      for (std::size_t size = 0; size < kSizes; ++size)
+        shown[i].variances[size] = samples.noise[i].sigma * samples.noise[i].sigma * chance_medians()[size];
+      continue;
+    }
     const point::ResidualSample& its = samples.residuals[i];
     const double found[] = {its.least, its.narrow, its.wide, its.widest};
     for (std::size_t size = 0; size < kSizes; ++size)

@@ -50,6 +50,15 @@ class KeptShapes(Case):
         off = lambda rows: rms(z - height(x, y) for x, y, z in rows[12000:])
         self.assertLess(off(out), .5 * off(points))
 
+    def test_panes_of_glass_leave_the_noise_of_the_facade(self):
+        rng = random.Random(4)
+        facade = [(rng.uniform(0, 125), rng.gauss(0, .3), rng.uniform(0, 125)) for _ in range(15600)]
+        panes = [(rng.uniform(130, 177), 2 * rng.randrange(2) + rng.gauss(0, .03), rng.uniform(0, 47)) for _ in range(4400)]
+        out = self.denoised(facade + panes)
+        self.assertLess(rms(y for _, y, _ in out[:15600]), .2 * rms(y for _, y, _ in facade))
+        off = lambda rows: rms(min(abs(y), abs(y - 2)) for _, y, _ in rows)
+        self.assertLess(off(out[15600:]), off(panes))
+
 
 if __name__ == "__main__":
     unittest.main()
