@@ -57,11 +57,6 @@ struct Narrowest {
     fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * portable::power_of_ten(-decimals)) ||
                                 (decimals < 0 && error <= 5e-8 * std::abs(*value)));
   }
-  /// The same for a word that is known to be a small whole number.
-  void see_count(unsigned value) {
-    filled = true;
-    high = std::max<double>(high, value);
-  }
   void merge(const Narrowest& other) {
     numbers = numbers && other.numbers;
     integers = integers && other.integers;

@@ -33,11 +33,7 @@ class alignas(64) BasicSymbolModel {
  public:
   static constexpr int kShift = 15;  // a distribution has 15 bits
 
-  explicit BasicSymbolModel(std::uint32_t symbols = kMost) : symbols_(symbols) { reset(); }
-
-  void reset() {
-    total_ = 0;
-    cycle_ = symbols_;
+  explicit BasicSymbolModel(std::uint32_t symbols = kMost) : symbols_(symbols), total_(0), cycle_(symbols) {
     std::fill_n(counts_.begin(), symbols_, std::uint16_t{1});
     distribution_.fill(kBeyond);
     tops_.fill(kBeyond);

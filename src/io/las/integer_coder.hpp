@@ -22,12 +22,6 @@ class IntegerCoder {
       corrections_.emplace_back(1U << std::min(k, kUpperBits));
   }
 
-  void reset() {
-    for (SizeModel& model : sizes_) model.reset();
-    for (SymbolModel& model : corrections_) model.reset();
-    bit_ = {};
-  }
-
   /// The k of the last difference.
   std::uint32_t last_size() const { return size_; }
 
