@@ -71,25 +71,6 @@ class ColorCoder {
   std::vector<SymbolModel> bytes_ = std::vector(6, SymbolModel(256));
 };
 
-class NearInfraredCoder {
- public:
-  template <class Coder>
-  void code(Coder& coder, const char* last_bytes, char* record) {
-    std::uint32_t wanted = 0;
-    for (std::uint32_t half = 0; Coder::kWrites && half < 2; ++half)
-      wanted |= static_cast<std::uint32_t>(record[half] != last_bytes[half]) << half;
-    const std::uint32_t changes = coder.code(changes_, wanted);
-    for (std::uint32_t half = 0; half < 2; ++half) {
-      const auto last = static_cast<std::uint8_t>(last_bytes[half]);
-      std::uint8_t now = Coder::kWrites ? static_cast<std::uint8_t>(record[half]) : last;
-      if ((changes >> half & 1) != 0) now = code_difference(coder, bytes_[half], last, now);
-      if constexpr (!Coder::kWrites) record[half] = static_cast<char>(now);
-    }
-  }
-
- private:
-  SymbolModel changes_{4};
-  std::vector<SymbolModel> bytes_ = std::vector(2, SymbolModel(256));
-};
+using NearInfraredCoder = ChangedBytes<2, ByteDifferences>;
 
 }  // namespace pointfair::io::las

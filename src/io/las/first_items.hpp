@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdint>
-#include <vector>
 
 #include "io/las/byte_coding.hpp"
 #include "io/las/grid.hpp"
@@ -118,7 +117,7 @@ class FirstTimeItem {
     } else {
       const std::uint32_t symbol = coder.code(multiples_, Coder::kWrites ? symbol_of(step) : 0);
       if (symbol < kAnywhere) code_multiple(coder, symbol, static_cast<std::int32_t>(step));
-      if (symbol == kAnywhere) code_anywhere(coder, wanted);
+      if (symbol == kAnywhere) time_ = code_long(coder, wanted);
     }
     if constexpr (!Coder::kWrites) store_little(record, time_);
   }
@@ -147,7 +146,7 @@ class FirstTimeItem {
         step_ = code_step(coder, 0, static_cast<std::int32_t>(step), 0);
         break;
       default:
-        code_anywhere(coder, wanted);
+        time_ = code_long(coder, wanted);
     }
   }
 
@@ -171,12 +170,6 @@ class FirstTimeItem {
     }
   }
 
-  template <class Coder>
-  void code_anywhere(Coder& coder, std::uint64_t wanted) {
-    const std::uint64_t lower = coder.code_bits(32, static_cast<std::uint32_t>(wanted));
-    time_ = lower | std::uint64_t{coder.code_bits(32, static_cast<std::uint32_t>(wanted >> 32))} << 32;
-  }
-
   std::uint64_t time_;
   std::int32_t step_ = 0, extremes_ = 0;
   BasicSymbolModel<kSymbols> multiples_{kSymbols};
@@ -184,44 +177,13 @@ class FirstTimeItem {
   IntegerCoder integers_{6};
 };
 
+class FirstDifferences : public IntegerCoder {
+ public:
+  explicit FirstDifferences(std::size_t bytes) : IntegerCoder(bytes, 8) {}
+};
+
 /// Item RGB12.
-class FirstColorCoder {
- public:
-  template <class Coder>
-  void code(Coder& coder, const char* last, char* record) {
-    std::uint32_t wanted = 0;
-    for (std::uint32_t i = 0; Coder::kWrites && i < 6; ++i)
-      wanted |= static_cast<std::uint32_t>(record[i] != last[i]) << i;
-    const std::uint32_t changes = coder.code(changes_, wanted);
-    for (std::uint32_t i = 0; i < 6; ++i) {
-      std::int32_t value = static_cast<std::uint8_t>(Coder::kWrites ? record[i] : last[i]);
-      if ((changes >> i & 1) != 0) value = bytes_.code(coder, static_cast<std::uint8_t>(last[i]), value, i);
-      if constexpr (!Coder::kWrites) record[i] = static_cast<char>(value);
-    }
-  }
-
- private:
-  SymbolModel changes_{64};
-  IntegerCoder bytes_{6, 8};
-};
-
-/// Item BYTE.
-class FirstBytesItem {
- public:
-  FirstBytesItem(const char* first, std::size_t count) : last_(first, first + count), bytes_(count, 8) {}
-
-  template <class Coder>
-  void code(Coder& coder, char* record) {
-    for (std::uint32_t i = 0; i < last_.size(); ++i) {
-      const std::int32_t wanted = Coder::kWrites ? static_cast<std::uint8_t>(record[i]) : 0;
-      last_[i] = static_cast<std::uint8_t>(bytes_.code(coder, last_[i], wanted, i));
-      if constexpr (!Coder::kWrites) record[i] = static_cast<char>(last_[i]);
-    }
-  }
-
- private:
-  std::vector<std::uint8_t> last_;
-  IntegerCoder bytes_;
-};
+using FirstColorCoder = ChangedBytes<6, FirstDifferences>;
+using FirstBytesItem = BasicBytesItem<FirstDifferences>;
 
 }  // namespace pointfair::io::las

@@ -87,4 +87,17 @@ class RunningMedian {
   bool drop_largest_ = true;
 };
 
+/// A coordinate as its step from the last point's, of which the middle of the last steps is the prediction.
+template <class Coder>
+void code_along(Coder& coder, IntegerCoder& integers, RunningMedian& steps, std::int32_t last, std::int32_t& now,
+                std::uint32_t context) {
+  const auto wanted = static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(last));
+  const std::int32_t step = integers.code(coder, steps.value(), wanted, context);
+  steps.add(step);
+  now = static_cast<std::int32_t>(static_cast<std::uint32_t>(last) + static_cast<std::uint32_t>(step));
+}
+
+/// The context of an axis by the size of the step along the one before.
+inline std::uint32_t even(std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; }
+
 }  // namespace pointfair::io::las

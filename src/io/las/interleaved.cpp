@@ -34,25 +34,6 @@ class ItemAfterLast {
   std::array<char, kSize> last_;
 };
 
-// Item BYTE: each as its difference from the last point's.
-class BytesItem {
- public:
-  BytesItem(const char* first, std::size_t count) : last_(first, first + count), models_(count, SymbolModel(256)) {}
-
-  template <class Coder>
-  void code(Coder& coder, char* record) {
-    for (std::size_t i = 0; i < last_.size(); ++i) {
-      const auto wanted = Coder::kWrites ? static_cast<std::uint8_t>(record[i]) : std::uint8_t{0};
-      last_[i] = code_difference(coder, models_[i], last_[i], wanted);
-      if constexpr (!Coder::kWrites) record[i] = static_cast<char>(last_[i]);
-    }
-  }
-
- private:
-  std::vector<std::uint8_t> last_;
-  std::vector<SymbolModel> models_;
-};
-
 struct FirstVersion {
   using Point = FirstPointItem;
   using Time = FirstTimeItem;

@@ -44,10 +44,10 @@ class PointCoder {
     Channel& channel = *channels_[current_];
     const std::uint32_t number = returns.number, count = returns.count, single = count == 1;
     const auto context = static_cast<std::uint32_t>(2 * (kReturnContexts[count][number] - '0') + returns.time_changed);
-    const auto even = [](std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; };
 
-    code_step(channel.x, channel.x_steps[context], channel.last[0], grid[0], single);
-    code_step(channel.y, channel.y_steps[context], channel.last[1], grid[1], single + even(channel.x.last_size(), 20));
+    code_along(xy_, channel.x, channel.x_steps[context], channel.last[0], grid[0], single);
+    code_along(xy_, channel.y, channel.y_steps[context], channel.last[1], grid[1],
+               single + even(channel.x.last_size(), 20));
     std::int32_t& last_z = channel.last_z[static_cast<std::size_t>(std::min(7, std::abs(int(count) - int(number))))];
     if (z_) {
       const std::uint32_t size = (channel.x.last_size() + channel.y.last_size()) / 2;
@@ -66,16 +66,6 @@ class PointCoder {
     made.last_number = number;
     made.last_count = count;
     made.last_z.fill(last[2]);
-  }
-
-  void code_step(IntegerCoder& coder, RunningMedian& steps, std::int32_t last, std::int32_t& value,
-                 std::uint32_t context) {
-    const auto wrap = [](std::int32_t a, std::uint32_t b) {
-      return static_cast<std::int32_t>(static_cast<std::uint32_t>(a) + b);
-    };
-    const std::int32_t step = coder.code(xy_, steps.value(), wrap(value, -static_cast<std::uint32_t>(last)), context);
-    steps.add(step);
-    value = wrap(step, static_cast<std::uint32_t>(last));
   }
 
   void code_returns(Returns& returns) {

@@ -29,9 +29,9 @@ class PointItem {
       now_ = Coder::kWrites ? read(record) : last_;
       code_fields(coder);
     } else if constexpr (kStep == 1) {
-      code_x(coder);
+      code_along(coder, x_, x_steps_[kind_of(now_)], last_.grid[0], now_.grid[0], single());
     } else if constexpr (kStep == 2) {
-      code_y(coder);
+      code_along(coder, y_, y_steps_[kind_of(now_)], last_.grid[1], now_.grid[1], single() + even(x_.last_size(), 20));
     } else {
       code_z(coder);
       last_ = now_;
@@ -105,18 +105,8 @@ class PointItem {
       now_.source = static_cast<std::uint16_t>(source_.code(coder, last_.source, now_.source, 0));
   }
 
-  static std::uint32_t even(std::uint32_t size, std::uint32_t most) { return size < most ? size & ~1U : most; }
   std::uint32_t single() const { return now_.count() == 1; }
 
-  template <class Coder>
-  void code_x(Coder& coder) {
-    code_along(coder, x_, x_steps_[kind_of(now_)], last_.grid[0], now_.grid[0], single());
-  }
-  template <class Coder>
-  void code_y(Coder& coder) {
-    const std::uint32_t context = single() + even(x_.last_size(), 20);
-    code_along(coder, y_, y_steps_[kind_of(now_)], last_.grid[1], now_.grid[1], context);
-  }
   template <class Coder>
   void code_z(Coder& coder) {
     const int level = std::abs(static_cast<int>(now_.count()) - static_cast<int>(now_.number()));
@@ -124,15 +114,6 @@ class PointItem {
     const std::uint32_t size = (x_.last_size() + y_.last_size()) / 2;
     height = z_.code(coder, height, now_.grid[2], single() + even(size, 18));
     now_.grid[2] = height;
-  }
-
-  template <class Coder>
-  static void code_along(Coder& coder, IntegerCoder& integers, RunningMedian& steps, std::int32_t last,
-                         std::int32_t& now, std::uint32_t context) {
-    const auto wanted = static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(last));
-    const std::int32_t step = integers.code(coder, steps.value(), wanted, context);
-    steps.add(step);
-    now = static_cast<std::int32_t>(static_cast<std::uint32_t>(last) + static_cast<std::uint32_t>(step));
   }
 
   Fields last_, now_;

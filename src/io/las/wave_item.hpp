@@ -53,10 +53,8 @@ class WaveCoder {
       case kNear:
         difference_ = differences_.code(coder, difference_, static_cast<std::int32_t>(wanted - last), 0);
         return last + static_cast<std::uint64_t>(std::int64_t{difference_});
-      default: {
-        const std::uint64_t lower = coder.code_bits(32, static_cast<std::uint32_t>(wanted));
-        return lower | std::uint64_t{coder.code_bits(32, static_cast<std::uint32_t>(wanted >> 32))} << 32;
-      }
+      default:
+        return code_long(coder, wanted);
     }
   }
 
