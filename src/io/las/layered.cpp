@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <memory>
+#include <type_traits>
+#include <variant>
 #include <vector>
 
 #include "io/las/layer_models.hpp"
@@ -15,46 +17,47 @@ using namespace layer_models;
 
 // Where the fields of item POINT14 are in a record.
 constexpr std::size_t kIntensity = 12, kNumbers = 14, kFlags = 15, kClass = 16, kUser = 17, kAngle = 18, kSource = 20,
-                      kTime = 22;
+                      kTime = 22, kPointBytes = 30;
 
-enum class Part {
-  classification,
-  flags,
-  intensity,
-  scan_angle,
-  user_data,
-  point_source,
-  time,
-  color,
-  near_infrared,
-  wave,
-  extra_byte
-};
+// What codes the values of a layer, as a type.
+template <class... Models>
+using OneOf = std::variant<std::type_identity<Models>...>;
+using LayerModels = OneOf<Classifications, Flags, Intensities, ScanAngles, UserData, PointSources, Times, Colors,
+                          NearInfrared, Waves, ExtraBytes>;
 
 struct Layer {
-  Part part{};
+  LayerModels models;
   ByteRange bytes;  // of the record
 
-  bool is_of_point() const { return part < Part::color; }
+  bool is_of_point() const { return bytes.end <= kPointBytes; }
+  template <class Models>
+  bool has() const {
+    return std::holds_alternative<std::type_identity<Models>>(models);
+  }
 };
+
+template <class Models>
+Layer layer_at(std::size_t begin) {
+  return {std::type_identity<Models>(), {begin, begin + Models::kSize}};
+}
 
 // All behind those of the coordinates, in their order.
 std::vector<Layer> layers_of(const Compression& compression) {
-  std::vector<Layer> layers = {{Part::classification, {kClass, kClass + 1}},
-                               {Part::flags, {kFlags, kFlags + 1}},
-                               {Part::intensity, {kIntensity, kIntensity + 2}},
-                               {Part::scan_angle, {kAngle, kAngle + 2}},
-                               {Part::user_data, {kUser, kUser + 1}},
-                               {Part::point_source, {kSource, kSource + 2}},
-                               {Part::time, {kTime, kTime + 8}}};
+  std::vector<Layer> layers = {layer_at<Classifications>(kClass),
+                               layer_at<Flags>(kFlags),
+                               layer_at<Intensities>(kIntensity),
+                               layer_at<ScanAngles>(kAngle),
+                               layer_at<UserData>(kUser),
+                               layer_at<PointSources>(kSource),
+                               layer_at<Times>(kTime)};
   std::size_t at = 0;
   for (const Item& item : compression.items) {
     const bool has_near_infrared = item.type == Item::color_nir14;
-    if (item.type == Item::color14 || has_near_infrared) layers.push_back({Part::color, {at, at + 6}});
-    if (has_near_infrared) layers.push_back({Part::near_infrared, {at + 6, at + 8}});
-    if (item.type == Item::wave14) layers.push_back({Part::wave, {at, at + item.size}});
+    if (item.type == Item::color14 || has_near_infrared) layers.push_back(layer_at<Colors>(at));
+    if (has_near_infrared) layers.push_back(layer_at<NearInfrared>(at + 6));
+    if (item.type == Item::wave14) layers.push_back(layer_at<Waves>(at));
     for (std::size_t i = 0; item.type == Item::bytes14 && i < item.size; ++i)
-      layers.push_back({Part::extra_byte, {at + i, at + i + 1}});
+      layers.push_back(layer_at<ExtraBytes>(at + i));
     at += item.size;
   }
   return layers;
@@ -67,73 +70,22 @@ struct Turn {
   std::uint8_t before = 0;  // the channel of the point before
 };
 
-class Turns {
- public:
-  explicit Turns(std::uint32_t first) : current_(static_cast<std::uint8_t>(first)) { seen_[current_] = true; }
-
-  /// `keeps_last`: a channel that was seen before goes on from the last value of the channel before.
-  Turn next(std::uint32_t channel, bool keeps_last) {
-    Turn turn{static_cast<std::uint8_t>(channel), static_cast<std::uint8_t>(channel), !seen_[channel], current_};
-    if (keeps_last && !turn.begins) turn.last = current_;
-    seen_[channel] = true;
-    current_ = turn.models;
-    return turn;
-  }
-
- private:
-  std::array<bool, 4> seen_{};
-  std::uint8_t current_;
-};
-
-std::vector<Turn> turns_of_point(std::span<const Returns> returns) {
-  Turns turns(returns[0].channel);
-  std::vector<Turn> result(returns.size());
-  for (std::size_t i = 1; i < returns.size(); ++i) result[i] = turns.next(returns[i].channel, false);
-  result[0].models = static_cast<std::uint8_t>(returns[0].channel);
-  return result;
-}
-
-// Version 3 of the other items goes by what LASzip did before it was mended in version 4: these items see the scanner
-// channel only of a point where it changes, else 0, and a change does not change the last value.
-std::vector<Turn> turns_of_items(std::span<const Returns> returns, unsigned version) {
-  if (version != 3) return turns_of_point(returns);
-  Turns turns(returns[0].channel);
-  std::vector<Turn> result(returns.size());
+// Items other than the point's go in version 3 by what LASzip did before it was mended in version 4: they see the
+// scanner channel only of a point where it changes, else 0, and a change does not change the last value.
+std::vector<Turn> turns_of(std::span<const Returns> returns, bool is_mended) {
+  std::vector<Turn> turns(returns.size());
+  auto current = static_cast<std::uint8_t>(returns[0].channel);
+  turns[0].models = current;
+  std::array<bool, 4> seen{};
+  seen[current] = true;
   for (std::size_t i = 1; i < returns.size(); ++i) {
-    const std::uint32_t channel = returns[i].channel;
-    result[i] = turns.next(channel != returns[i - 1].channel ? channel : 0, true);
+    const bool is_seen = is_mended || returns[i].channel != returns[i - 1].channel;
+    const auto channel = static_cast<std::uint8_t>(is_seen ? returns[i].channel : 0);
+    turns[i] = {channel, is_mended || !seen[channel] ? channel : current, !seen[channel], current};
+    seen[channel] = true;
+    current = channel;
   }
-  result[0].models = static_cast<std::uint8_t>(returns[0].channel);
-  return result;
-}
-
-// Calls `visit` with the type of what codes such a layer.
-template <class Visit>
-auto with_models(Part part, const Visit& visit) {
-  switch (part) {
-    case Part::classification:
-      return visit.template operator()<Classifications>();
-    case Part::flags:
-      return visit.template operator()<Flags>();
-    case Part::intensity:
-      return visit.template operator()<Intensities>();
-    case Part::scan_angle:
-      return visit.template operator()<ScanAngles>();
-    case Part::user_data:
-      return visit.template operator()<UserData>();
-    case Part::point_source:
-      return visit.template operator()<PointSources>();
-    case Part::time:
-      return visit.template operator()<Times>();
-    case Part::color:
-      return visit.template operator()<Colors>();
-    case Part::near_infrared:
-      return visit.template operator()<NearInfrared>();
-    case Part::wave:
-      return visit.template operator()<Waves>();
-    default:
-      return visit.template operator()<ExtraBytes>();
-  }
+  return turns;
 }
 
 // The values of a layer in records of `length` bytes, of which `values` is the first; that one is known.
@@ -173,20 +125,20 @@ void repeat_first(const Layer& layer, std::span<const Returns> returns, const Va
   for (std::size_t i = 1; i < returns.size(); ++i) {
     value += of.length;
     std::copy_n(of.values, layer.bytes.end - layer.bytes.begin, value);
-    if (layer.part == Part::flags) *value = static_cast<char>((byte(*value) & 0xCF) | returns[i].channel << 4);
+    if (layer.has<Flags>()) *value = static_cast<char>((byte(*value) & 0xCF) | returns[i].channel << 4);
   }
 }
 
 bool changes(const Layer& layer, std::span<const Returns> returns, const Values& of) {
-  if (layer.part == Part::time)
+  if (layer.has<Times>())
     return std::any_of(returns.begin(), returns.end(), [](Returns of_point) { return of_point.time_changed; });
   const std::size_t size = layer.bytes.end - layer.bytes.begin;
   const char *value = of.values, *const first = of.values;
-  const bool is_colored = layer.part == Part::color && !(std::equal(first, first + 4, first + 2));
+  const bool is_colored = layer.has<Colors>() && !(std::equal(first, first + 4, first + 2));
   for (std::size_t i = 1; i < returns.size(); ++i) {
     value += of.length;
     const bool same =
-        layer.part == Part::flags ? Flags::of(*value) == Flags::of(*first) : std::equal(first, first + size, value);
+        layer.has<Flags>() ? Flags::of(*value) == Flags::of(*first) : std::equal(first, first + size, value);
     if (!same || is_colored) return true;
   }
   return false;
@@ -225,7 +177,8 @@ std::string encode_values(const Layer& layer, std::span<const Returns> returns, 
   if (!changes(layer, returns, of)) return code;
   code.reserve(returns.size() / 2);
   Encoder encoder(code);
-  with_models(layer.part, [&]<class Models>() { code_values<Models>(encoder, returns, turns, of); });
+  std::visit([&]<class Models>(std::type_identity<Models>) { code_values<Models>(encoder, returns, turns, of); },
+             layer.models);
   encoder.finish();
   return code;
 }
@@ -240,7 +193,7 @@ bool decode_layered(const Compression& compression, const LayeredChunk& chunk, s
     records[i * length + kNumbers] = static_cast<char>(returns[i].number | returns[i].count << 4);
     records[i * length + kFlags] = static_cast<char>(returns[i].channel << 4);
   }
-  const std::vector<Turn> of_point = turns_of_point(returns), of_items = turns_of_items(returns, compression.version());
+  const std::vector<Turn> of_point = turns_of(returns, true), of_items = turns_of(returns, compression.version() != 3);
   std::string_view rest = chunk.others;
   std::size_t size_at = 8;  // behind those of the coordinates
   for (const Layer& layer : layers_of(compression)) {
@@ -255,9 +208,10 @@ bool decode_layered(const Compression& compression, const LayeredChunk& chunk, s
       continue;
     }
     Decoder decoder(code);
-    const bool sound = with_models(layer.part, [&]<class Models>() {
-      return code_values<Models>(decoder, returns, layer.is_of_point() ? of_point : of_items, values);
-    });
+    const std::vector<Turn>& turns = layer.is_of_point() ? of_point : of_items;
+    const bool sound = std::visit(
+        [&]<class Models>(std::type_identity<Models>) { return code_values<Models>(decoder, returns, turns, values); },
+        layer.models);
     if (!sound || decoder.overrun()) return false;
   }
   return true;
@@ -270,7 +224,7 @@ void encode_layered(const Compression& compression, std::span<const char> record
   for (std::size_t i = 0; i < grid.size(); ++i) grid[i] = get_grid(records.data() + i * length);
   const CoordinateCodes coordinates = encode_coordinates(grid, returns);
   std::vector<std::string> codes = {coordinates.returns_xy, coordinates.z};
-  const std::vector<Turn> of_point = turns_of_point(returns), of_items = turns_of_items(returns, compression.version());
+  const std::vector<Turn> of_point = turns_of(returns, true), of_items = turns_of(returns, compression.version() != 3);
   for (const Layer& layer : layers_of(compression)) {
     char* const first = const_cast<char*>(records.data()) + layer.bytes.begin;  // which an encoder only reads
     codes.push_back(encode_values(layer, returns, layer.is_of_point() ? of_point : of_items, {first, length}));
