@@ -20,95 +20,84 @@ constexpr NativeType kExtraTypes[] = {NativeType::uint8,   NativeType::int8,   N
                                       NativeType::uint32,  NativeType::int32,  NativeType::uint64, NativeType::int64,
                                       NativeType::float32, NativeType::float64};
 
-class FieldList {
- public:
-  void add(const char* name, NativeType type, std::size_t offset) {
-    Field field{{name, type}, offset};
-    field.stored = type;
-    add_unique(std::move(field));
-  }
-  void add_bits(const char* name, std::size_t offset, unsigned shift, unsigned bits) {
-    add(name, NativeType::uint8, offset);
-    fields_.back().shift = shift;
-    fields_.back().bits = bits;
-  }
-  /// Under another name if there is one like it.
-  void add_unique(Field field) {
-    const std::string name = field.name;
-    const auto taken = [&](const Field& other) { return other.name == field.name; };
-    for (int n = 2; std::any_of(fields_.begin(), fields_.end(), taken); ++n)
-      field.name = name + "_" + std::to_string(n);
-    fields_.push_back(std::move(field));
-  }
-  Field& last() { return fields_.back(); }
-  std::vector<Field> take() { return std::move(fields_); }
-
- private:
-  std::vector<Field> fields_;
+// A field that the standard has; of a part of a byte also where its bits are.
+struct StandardField {
+  const char* name;
+  NativeType type;
+  std::size_t offset;
+  unsigned shift = 0, bits = 0;
 };
+constexpr NativeType kByte = NativeType::uint8;
+constexpr StandardField kOldBase[] = {{"intensity", NativeType::uint16, 12},
+                                      {"return_number", kByte, 14, 0, 3},
+                                      {"number_of_returns", kByte, 14, 3, 3},
+                                      {"scan_direction_flag", kByte, 14, 6, 1},
+                                      {"edge_of_flight_line", kByte, 14, 7, 1},
+                                      {"classification", kByte, 15, 0, 5},
+                                      {"synthetic", kByte, 15, 5, 1},
+                                      {"key_point", kByte, 15, 6, 1},
+                                      {"withheld", kByte, 15, 7, 1},
+                                      {"scan_angle_rank", NativeType::int8, 16},
+                                      {"user_data", kByte, 17},
+                                      {"point_source_id", NativeType::uint16, 18}},
+                        kNewBase[] = {{"intensity", NativeType::uint16, 12},
+                                      {"return_number", kByte, 14, 0, 4},
+                                      {"number_of_returns", kByte, 14, 4, 4},
+                                      {"synthetic", kByte, 15, 0, 1},
+                                      {"key_point", kByte, 15, 1, 1},
+                                      {"withheld", kByte, 15, 2, 1},
+                                      {"overlap", kByte, 15, 3, 1},
+                                      {"scanner_channel", kByte, 15, 4, 2},
+                                      {"scan_direction_flag", kByte, 15, 6, 1},
+                                      {"edge_of_flight_line", kByte, 15, 7, 1},
+                                      {"classification", kByte, 16},
+                                      {"user_data", kByte, 17},
+                                      {"scan_angle", NativeType::int16, 18},
+                                      {"point_source_id", NativeType::uint16, 20},
+                                      {"gps_time", NativeType::float64, 22}},
+                        kTime[] = {{"gps_time", NativeType::float64, 0}},
+                        kColor[] = {{"red", NativeType::uint16, 0},
+                                    {"green", NativeType::uint16, 2},
+                                    {"blue", NativeType::uint16, 4}},
+                        kNearInfrared[] = {{"nir", NativeType::uint16, 0}},
+                        kWavePacket[] = {{"wavepacket_index", kByte, 0},
+                                         {"wavepacket_offset", NativeType::uint64, 1},
+                                         {"wavepacket_size", NativeType::uint32, 9},
+                                         {"return_point_wave_location", NativeType::float32, 13},
+                                         {"x_t", NativeType::float32, 17},
+                                         {"y_t", NativeType::float32, 21},
+                                         {"z_t", NativeType::float32, 25}};
 
-void add_old_base(FieldList& list) {
-  list.add("intensity", NativeType::uint16, 12);
-  list.add_bits("return_number", 14, 0, 3);
-  list.add_bits("number_of_returns", 14, 3, 3);
-  list.add_bits("scan_direction_flag", 14, 6, 1);
-  list.add_bits("edge_of_flight_line", 14, 7, 1);
-  list.add_bits("classification", 15, 0, 5);
-  list.add_bits("synthetic", 15, 5, 1);
-  list.add_bits("key_point", 15, 6, 1);
-  list.add_bits("withheld", 15, 7, 1);
-  list.add("scan_angle_rank", NativeType::int8, 16);
-  list.add("user_data", NativeType::uint8, 17);
-  list.add("point_source_id", NativeType::uint16, 18);
-}
-
-void add_new_base(FieldList& list) {
-  list.add("intensity", NativeType::uint16, 12);
-  list.add_bits("return_number", 14, 0, 4);
-  list.add_bits("number_of_returns", 14, 4, 4);
-  list.add_bits("synthetic", 15, 0, 1);
-  list.add_bits("key_point", 15, 1, 1);
-  list.add_bits("withheld", 15, 2, 1);
-  list.add_bits("overlap", 15, 3, 1);
-  list.add_bits("scanner_channel", 15, 4, 2);
-  list.add_bits("scan_direction_flag", 15, 6, 1);
-  list.add_bits("edge_of_flight_line", 15, 7, 1);
-  list.add("classification", NativeType::uint8, 16);
-  list.add("user_data", NativeType::uint8, 17);
-  list.add("scan_angle", NativeType::int16, 18);
-  list.add("point_source_id", NativeType::uint16, 20);
-  list.add("gps_time", NativeType::float64, 22);
-}
-
-void add_color(FieldList& list, std::size_t offset) {
-  list.add("red", NativeType::uint16, offset);
-  list.add("green", NativeType::uint16, offset + 2);
-  list.add("blue", NativeType::uint16, offset + 4);
-}
-
-void add_wave_packet(FieldList& list, std::size_t offset) {
-  list.add("wavepacket_index", NativeType::uint8, offset);
-  list.add("wavepacket_offset", NativeType::uint64, offset + 1);
-  list.add("wavepacket_size", NativeType::uint32, offset + 9);
-  list.add("return_point_wave_location", NativeType::float32, offset + 13);
-  list.add("x_t", NativeType::float32, offset + 17);
-  list.add("y_t", NativeType::float32, offset + 21);
-  list.add("z_t", NativeType::float32, offset + 25);
-}
-
-void add_standard(FieldList& list, unsigned format) {
+// In the order of records.
+std::vector<Field> standard_fields(unsigned format) {
+  std::vector<Field> fields;
+  const auto add = [&](std::span<const StandardField> those, std::size_t begin) {
+    for (const StandardField& its : those) {
+      Field& field = fields.emplace_back(Field{{its.name, its.type}, begin + its.offset, its.type, its.shift});
+      field.bits = its.bits;
+    }
+  };
   if (format < 6) {
-    add_old_base(list);
+    add(kOldBase, 0);
     const bool time = format == 1 || format >= 3;
-    if (time) list.add("gps_time", NativeType::float64, 20);
-    if (format == 2 || format == 3 || format == 5) add_color(list, time ? 28 : 20);
-    if (format >= 4) add_wave_packet(list, format == 4 ? 28 : 34);
-    return;
+    if (time) add(kTime, 20);
+    if (format == 2 || format == 3 || format == 5) add(kColor, time ? 28 : 20);
+    if (format >= 4) add(kWavePacket, format == 4 ? 28 : 34);
+    return fields;
   }
-  add_new_base(list);
-  if (format == 7 || format == 8 || format == 10) add_color(list, 30);
-  if (format == 8 || format == 10) list.add("nir", NativeType::uint16, 36);
-  if (format >= 9) add_wave_packet(list, format == 9 ? 30 : 38);
+  add(kNewBase, 0);
+  if (format == 7 || format == 8 || format == 10) add(kColor, 30);
+  if (format == 8 || format == 10) add(kNearInfrared, 36);
+  if (format >= 9) add(kWavePacket, format == 9 ? 30 : 38);
+  return fields;
+}
+
+// Under another name if there is one like it.
+void add_unique(Field field, std::vector<Field>& fields) {
+  const std::string name = field.name;
+  for (int n = 2; std::ranges::find(fields, field.name, &Field::name) != fields.end(); ++n)
+    field.name = name + "_" + std::to_string(n);
+  fields.push_back(std::move(field));
 }
 
 // One description, of which `room` bytes a record are left; components 0: it does not fit, or is none.
@@ -166,16 +155,14 @@ std::string description(unsigned type, unsigned options, std::string_view name) 
 }  // namespace
 
 std::vector<Field> record_fields(const Header& header) {
-  FieldList list;
-  add_standard(list, header.point_format);
-  std::vector<Field> described = described_fields(header);
+  std::vector<Field> fields = standard_fields(header.point_format), described = described_fields(header);
   const std::size_t end = end_of(described, header);
-  for (Field& field : described) list.add_unique(std::move(field));
+  for (Field& field : described) add_unique(std::move(field), fields);
   if (end < header.record_length) {
-    list.add("extra_bytes", NativeType::uint8, end);
-    list.last().components = static_cast<std::uint32_t>(header.record_length - end);
+    const auto left = static_cast<std::uint32_t>(header.record_length - end);
+    add_unique({{"extra_bytes", kByte, left}, end, kByte}, fields);
   }
-  return list.take();
+  return fields;
 }
 
 void extract_field(const Field& field, const char* records, std::size_t record_length, std::size_t count, char* to) {
