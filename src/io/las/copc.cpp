@@ -7,8 +7,8 @@
 #include <limits>
 
 #include "io/formats.hpp"
-#include "io/las/codec.hpp"
 #include "io/las/frame.hpp"
+#include "io/las/laz.hpp"
 #include "io/las/octree.hpp"
 #include "io/parallel.hpp"
 

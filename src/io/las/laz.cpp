@@ -5,6 +5,8 @@
 
 #include "io/file_bytes.hpp"
 #include "io/las/integer_coder.hpp"
+#include "io/las/interleaved.hpp"
+#include "io/las/layered.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -191,6 +193,10 @@ std::string chunk_table(const Compression& compression, std::span<const std::siz
   }
   encoder.finish();
   return table;
+}
+
+void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to) {
+  compression.layered() ? encode_layered(compression, records, to) : encode_interleaved(compression, records, to);
 }
 
 }  // namespace pointfair::io::las

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the points of a LAZ file are compressed: the record of user "laszip encoded", and the table of the chunks.
+// How the points of a LAZ file are compressed: the record of user "laszip encoded", chunks and their table.
 #pragma once
 
 #include <cstdint>
@@ -75,5 +75,9 @@ ChunkTable read_chunk_table(std::string_view bytes, const Header& header, const 
 /// The table for chunks of these sizes in bytes and points.
 std::string chunk_table(const Compression& compression, std::span<const std::size_t> sizes,
                         std::span<const std::uint32_t> points);
+
+/// Appends whole points, as many as fit in `records`, as a chunk. Chunks are independent of each other: any number of
+/// threads may encode at once.
+void encode_chunk(const Compression& compression, std::span<const char> records, std::string& to);
 
 }  // namespace pointfair::io::las

@@ -6,7 +6,6 @@
 #include <cstdio>
 
 #include "io/file_bytes.hpp"
-#include "io/las/codec.hpp"
 #include "io/las/frame.hpp"
 #include "io/las/source.hpp"
 #include "io/las/summary.hpp"
@@ -107,7 +106,7 @@ class LasWriter {
     if (compression_) out_.write(has_chunks() ? own_place : std::string_view("\0\0\0\0\0\0\0\0", kPlaceBytes));
     write_points();
     std::uint64_t end = front.size() + (compression_ ? kPlaceBytes : 0);
-    for (const std::size_t size : sizes_) end += size;
+    for (const Block& block : blocks_) end += block.size;
     if (is_copy()) return out_.write(file().substr(layout_.chunks_end));
     if (compression_) end = write_table(front.size(), end);
     for (const std::string_view piece : frame_.tail()) out_.write(piece);
@@ -119,6 +118,15 @@ class LasWriter {
 
  private:
   static constexpr std::size_t kPlaceBytes = 8;  // before the chunks: where their table is
+
+  // What becomes of one.
+  struct Block {
+    std::size_t size = 0;    // as written
+    std::uint32_t left = 0;  // points
+    ReturnCounts gone{};
+    GridBounds before, now;
+    bool kept = false, moved = false;  // its chunk is copied; coordinates in it change
+  };
 
   std::string_view file() const { return source_.bytes(); }
 
@@ -163,21 +171,15 @@ class LasWriter {
   }
 
   void write_points() {
-    const std::size_t blocks = source_.block_count();
-    sizes_.resize(blocks);
-    before_.resize(blocks);
-    now_.resize(blocks);
-    kept_.assign(blocks, 0);
-    moved_.assign(blocks, 0);
-    gone_.assign(blocks, {});
-    left_.resize(blocks);
-    write_blocks(out_, blocks, [&](std::size_t block, std::string& buffer) {
+    blocks_.resize(source_.block_count());
+    write_blocks(out_, blocks_.size(), [&](std::size_t block, std::string& buffer) {
       append_block(block, buffer);
-      sizes_[block] = buffer.size();
+      blocks_[block].size = buffer.size();
     });
   }
 
   void append_block(std::size_t block, std::string& buffer) {
+    Block& its = blocks_[block];
     thread_local std::vector<Grid> grid;  // its memory serves the thread's next block
     thread_local Decoded decoded;         // that of another store's block of this number must not be taken for ours
     decoded.block.reset();
@@ -185,35 +187,34 @@ class LasWriter {
     source_.store_->grid(block, grid, decoded);
     for (Grid& point : grid) {
       refine(point);
-      before_[block].add(point);
+      its.before.add(point);
     }
-    const bool moved = move(block, grid) || is_refined();
-    moved_[block] = moved;
-    left_[block] = static_cast<std::uint32_t>(grid.size());
-    if (loses_points(block)) return append_remaining(block, grid, moved, decoded, buffer);
-    for (const Grid& point : grid) now_[block].add(point);
+    its.moved = move(block, grid) || is_refined();
+    its.left = static_cast<std::uint32_t>(grid.size());
+    if (loses_points(block)) return append_remaining(block, grid, decoded, buffer);
+    for (const Grid& point : grid) its.now.add(point);
     if (compression_ && !edits_.changes_attributes()) {
       const std::string_view own = source_.store_->chunk(block);
-      kept_[block] = !moved && !own.empty();
-      if (kept_[block]) {
+      its.kept = !its.moved && !own.empty();
+      if (its.kept) {
         buffer.append(own);
         return;
       }
       buffer.reserve(own.size() + own.size() / 8);
       if (source_.store_->append_moved_chunk(block, grid, decoded, buffer)) return;
     }
-    append_coded(make_records(block, grid, moved, decoded), buffer);
+    append_coded(make_records(block, grid, decoded), buffer);
   }
 
   bool loses_points(std::size_t block) const {
     if (!removes_) return false;
-    const auto its = edits_.removed.subspan(static_cast<std::size_t>(source_.block_begin(block)), left_[block]);
+    const auto its = edits_.removed.subspan(static_cast<std::size_t>(source_.block_begin(block)), blocks_[block].left);
     return std::ranges::any_of(its, [](std::uint8_t gone) { return gone != 0; });
   }
 
-  void append_remaining(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded,
-                        std::string& buffer) {
-    std::string& points = make_records(block, grid, moved, decoded);
+  void append_remaining(std::size_t block, const std::vector<Grid>& grid, Decoded& decoded, std::string& buffer) {
+    Block& its = blocks_[block];
+    std::string& points = make_records(block, grid, decoded);
     const auto number = std::ranges::find(source_.fields_, "return_number", &Field::name);
     std::vector<std::uint8_t> numbers(grid.size());
     extract_field(*number, points.data(), record_length_, grid.size(), reinterpret_cast<char*>(numbers.data()));
@@ -221,15 +222,15 @@ class LasWriter {
     char* to = points.data();
     for (std::size_t i = 0; i < grid.size(); ++i) {
       if (edits_.removed[first + i] != 0) {
-        ++gone_[block][numbers[i] % gone_[block].size()];
+        ++its.gone[numbers[i] % its.gone.size()];
         continue;
       }
-      now_[block].add(grid[i]);
+      its.now.add(grid[i]);
       std::copy_n(points.data() + i * record_length_, record_length_, to);
       to += record_length_;
     }
     points.resize(static_cast<std::size_t>(to - points.data()));
-    left_[block] = static_cast<std::uint32_t>(points.size() / record_length_);
+    its.left = static_cast<std::uint32_t>(points.size() / record_length_);
     if (!points.empty()) append_coded(points, buffer);
   }
 
@@ -281,7 +282,7 @@ class LasWriter {
   }
 
   // The records as they will be, but for those that are removed. They are the thread's until its next block.
-  std::string& make_records(std::size_t block, const std::vector<Grid>& grid, bool moved, Decoded& decoded) const {
+  std::string& make_records(std::size_t block, const std::vector<Grid>& grid, Decoded& decoded) const {
     thread_local std::string points;
     points.clear();
     const std::string_view own = source_.store_->records(block, {0, layout_.header.record_length}, decoded);
@@ -295,7 +296,8 @@ class LasWriter {
         append_added(edits_.added, source_.block_begin(block) + i, kBigEndian, points);
       }
     }
-    for (std::size_t i = 0; moved && i < grid.size(); ++i) put_grid(grid[i], points.data() + i * record_length_);
+    for (std::size_t i = 0; blocks_[block].moved && i < grid.size(); ++i)
+      put_grid(grid[i], points.data() + i * record_length_);
     for (const Replacement& replacement : edits_.replaced)
       replace_field(source_.fields_[replacement.column], replacement, source_.block_begin(block), record_length_,
                     points);
@@ -313,7 +315,7 @@ class LasWriter {
   // All chunks are as they were, and nothing else changes.
   bool is_copy() const {
     return compression_ && !edits_.changes_attributes() && !is_refined() && !removes_ && !layout_.is_copc() &&
-           std::all_of(kept_.begin(), kept_.end(), [](char kept) { return kept != 0; });
+           std::ranges::all_of(blocks_, &Block::kept);
   }
 
   // Returns where the table ends in the output.
@@ -322,10 +324,10 @@ class LasWriter {
     out_.write(gap);
     std::vector<std::size_t> sizes;
     std::vector<std::uint32_t> points;
-    for (std::size_t block = 0; block < sizes_.size(); ++block) {
-      if (left_[block] == 0) continue;
-      sizes.push_back(sizes_[block]);
-      points.push_back(left_[block]);
+    for (const Block& block : blocks_) {
+      if (block.left == 0) continue;
+      sizes.push_back(block.size);
+      points.push_back(block.left);
     }
     const std::string table = chunk_table(*compression_, sizes, points);
     out_.write(table);
@@ -339,9 +341,9 @@ class LasWriter {
     if (!removes_) return;
     ReturnCounts gone{};
     std::uint64_t left = 0;
-    for (std::size_t block = 0; block < gone_.size(); ++block) {
-      left += left_[block];
-      for (std::size_t r = 0; r < gone.size(); ++r) gone[r] += gone_[block][r];
+    for (const Block& block : blocks_) {
+      left += block.left;
+      for (std::size_t r = 0; r < gone.size(); ++r) gone[r] += block.gone[r];
     }
     if (left == 0)
       fail(source_.name(), "none of its points would be left; leave out this file, or remove fewer points");
@@ -350,10 +352,12 @@ class LasWriter {
 
   // Where no coordinate changes, wrong bounds are not this writer's to repair.
   void put_all_bounds(std::string& front) const {
-    if (!removes_ && std::none_of(moved_.begin(), moved_.end(), [](char moved) { return moved != 0; })) return;
+    if (!removes_ && std::ranges::none_of(blocks_, &Block::moved)) return;
     GridBounds before, now;
-    for (const GridBounds& bounds : before_) before.add(bounds);
-    for (const GridBounds& bounds : now_) now.add(bounds);
+    for (const Block& block : blocks_) {
+      before.add(block.before);
+      now.add(block.now);
+    }
     put_bounds(scaling_, before, now, front);
   }
 
@@ -367,11 +371,7 @@ class LasWriter {
   Scaling scaling_;                         // as written
   bool removes_;                            // some points are left out
   std::optional<Compression> compression_;  // as written; none: uncompressed
-  std::vector<std::size_t> sizes_;          // of the blocks, and below what becomes of each
-  std::vector<std::uint32_t> left_;         // points
-  std::vector<ReturnCounts> gone_;
-  std::vector<GridBounds> before_, now_;
-  std::vector<char> kept_, moved_;  // its chunk is copied; coordinates in it change
+  std::vector<Block> blocks_;
 };
 
 // By the bounds in the header; those of the points decide when they are written.
