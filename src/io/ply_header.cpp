@@ -164,32 +164,25 @@ std::string ply_property_lines(const std::vector<AttributeInfo>& attributes, std
 std::string ply_header_text(const PlyHeader& header, Encoding encoding, const AddedAttributes& added) {
   const std::string_view text = header.text;
   const std::string_view line_end = text.ends_with("\r\n") ? "\r\n" : text.ends_with('\r') ? "\r" : "\n";
-  const std::size_t encoding_end = header.encoding_at + ply_encoding_name(header.encoding).size();
-  std::string result(text.substr(0, header.encoding_at));
-  result += ply_encoding_name(encoding);
-  result += text.substr(encoding_end, header.properties_end - encoding_end);
-  std::vector<AttributeInfo> declared;
-  for (const Attribute* attribute : added) declared.push_back(*attribute);
-  result += ply_property_lines(declared, line_end);
-  result += text.substr(header.properties_end);
+  std::string result;
+  PatchedText patched(text, result);
+  const std::size_t length = ply_encoding_name(header.encoding).size();
+  patched.replace(text.substr(header.encoding_at, length), ply_encoding_name(encoding));
+  patched.copy_up_to(text.data() + header.properties_end);
+  for (const Attribute* attribute : added) result += ply_property_lines({*attribute}, line_end);
+  patched.finish();
   return result;
 }
 
 std::string ply_header_with(const std::vector<std::uint64_t>& counts, std::string_view text, const PlyHeader& header) {
   std::string result;
+  PatchedText patched(text, result);
   auto count = counts.begin();
-  for (std::string_view line; !text.empty();) {
-    const char* const from = text.data();
-    next_line(text, line, header.line_end);
+  for (std::string_view line; next_line(text, line, header.line_end);) {
     const std::vector<std::string_view> words = words_of(line);
-    if (words.size() != 3 || words[0] != "element") {
-      result.append(from, text.data());
-      continue;
-    }
-    result.append(from, words[2].data());
-    result += std::to_string(*count++);
-    result.append(words[2].data() + words[2].size(), text.data());
+    if (words.size() == 3 && words[0] == "element") patched.replace(words[2], std::to_string(*count++));
   }
+  patched.finish();
   return result;
 }
 
