@@ -7,6 +7,12 @@
 
 namespace pointfair::io {
 
+std::size_t bytes_of(const AddedAttributes& added) {
+  std::size_t bytes = 0;
+  for (const Attribute* attribute : added) bytes += attribute->components * pointfair::size_of(attribute->type);
+  return bytes;
+}
+
 Edits make_edits(const Cloud& cloud, std::optional<double> las_scale) {
   Edits edits{cloud, {}, {}, las_scale};
   std::vector<Column> columns;

@@ -7,6 +7,7 @@
 #include <span>
 #include <vector>
 
+#include "io/scalar.hpp"
 #include "pointfair/cloud.hpp"
 #include "pointfair/positions.hpp"
 
@@ -14,6 +15,18 @@ namespace pointfair::io {
 
 struct Column;
 using AddedAttributes = std::vector<const Attribute*>;
+
+/// Calls visit(value, type) for each of their values at a point, as memory holds it.
+template <class Visit>
+void for_each_value(const AddedAttributes& added, std::uint64_t point, const Visit& visit) {
+  for (const Attribute* attribute : added) {
+    const std::size_t size = size_of(native(attribute->type));
+    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
+    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) visit(from, native(attribute->type));
+  }
+}
+/// Their bytes at a point.
+std::size_t bytes_of(const AddedAttributes& added);
 
 /// New values for a column of the file.
 struct Replacement {

@@ -65,7 +65,7 @@ class ObjSource : public TextSource {
     if (!parts().damage.empty()) fail(name(), parts().damage);
     const ObjRemoval removal(edits.removed, parts().own_normals, layout().shape);
     const std::vector<std::uint64_t> normals = normals_before_blocks();
-    out.write(header(edits.added));
+    out.write(header(edits));
     write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
       std::string whole;
       append_block(block, moves(block, edits), edits, whole);
@@ -82,9 +82,6 @@ class ObjSource : public TextSource {
       result.push_back({ContentKind::corner_normals, counted(all.normals, "normal") + " of corners of faces"});
     return result;
   }
-
- protected:
-  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
 
  private:
   const ObjParts& parts() const {

@@ -133,9 +133,6 @@ class OffSource : public TextSource {
     return result;
   }
 
- protected:
-  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
-
  private:
   struct BehindCorners {
     bool has_values = false;  // in the lines of faces

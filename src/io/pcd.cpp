@@ -13,7 +13,6 @@
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
-#include "io/pcd_removal.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
@@ -133,49 +132,21 @@ class PcdSource : public Base {
     if constexpr (std::is_same_v<Base, RecordSource>) {
       if (encoding == Encoding::binary_compressed) return write_packed(edits, out);
     }
-    if (edits.removed.empty()) return Base::write(edits, encoding, out);
-    out.write(header_of(edits));
-    write_blocks(out, this->block_count(), [&](std::size_t block, std::string& buffer) {
-      const std::size_t begin = buffer.size();
-      this->append_block(block, this->moves(block, edits), edits, buffer);
-      const auto removed =
-          edits.removed.subspan(static_cast<std::size_t>(this->block_begin(block)), this->block_size(block));
-      if constexpr (std::is_same_v<Base, RecordSource>) {
-        take_out_records(removed, header_.record_size() + bytes_of(edits.added), begin, buffer);
-      } else {
-        take_out_lines(removed, header_.line_end, begin, buffer);
-      }
-    });
-    out.write(tail());
+    Base::write(edits, encoding, out);
   }
 
  protected:
-  std::string header(const AddedAttributes& added) const override { return pcd_header_text(header_, added); }
-
-  std::string_view tail() const override {
-    if constexpr (std::is_same_v<Base, RecordSource>) {
-      return this->bytes().substr(header_.text.size() + this->points().size());
-    } else {
-      return Base::tail();
-    }
+  std::string header(const Edits& edits) const override {
+    std::string text = pcd_header_text(header_, edits.added);
+    if (edits.removed.empty()) return text;
+    const auto left = static_cast<std::uint64_t>(std::ranges::count(edits.removed, 0));
+    return pcd_header_of(text, header_.line_end, left);
   }
 
  private:
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
     return camera_;
-  }
-
-  std::string header_of(const Edits& edits) const {
-    std::string text = header(edits.added);
-    if (edits.removed.empty()) return text;
-    return pcd_header_of(std::move(text), header_.line_end, count_left(edits.removed));
-  }
-
-  static std::size_t bytes_of(const AddedAttributes& added) {
-    std::size_t bytes = 0;
-    for (const Attribute* attribute : added) bytes += attribute->components * pointfair::size_of(attribute->type);
-    return bytes;
   }
 
   // Of a file of this one's format.
@@ -218,7 +189,7 @@ class PcdSource : public Base {
     for (const Attribute* attribute : edits.added)
       data.append(reinterpret_cast<const char*>(attribute->data.data()), attribute->data.size());
     if (!edits.removed.empty()) data = without(edits.removed, data, edits.added);
-    out.write(header_of(edits));
+    out.write(header(edits));
     write_compressed(data, out);
   }
 

@@ -231,12 +231,26 @@ std::string pcd_header_text(const PcdHeader& header, const AddedAttributes& adde
   }
   std::stable_sort(insertions.begin(), insertions.end(), [](auto& a, auto& b) { return a.first < b.first; });
   std::string result;
-  std::size_t copied = 0;
+  PatchedText patched(header.text, result);
   for (const auto& [at, text] : insertions) {
-    result += header.text.substr(copied, at - copied) + text;
-    copied = at;
+    patched.copy_up_to(header.text.data() + at);
+    result += text;
   }
-  return result + header.text.substr(copied);
+  patched.finish();
+  return result;
+}
+
+std::string pcd_header_of(std::string_view text, char line_end, std::uint64_t points) {
+  std::string result;
+  PatchedText patched(text, result);
+  for (std::string_view line; next_line(text, line, line_end);) {
+    const Words words = words_of(line);
+    if (words.size() < 2) continue;
+    if (words[0] == "WIDTH" || words[0] == "POINTS") patched.replace(words[1], std::to_string(points));
+    if (words[0] == "HEIGHT") patched.replace(words[1], "1");
+  }
+  patched.finish();
+  return result;
 }
 
 std::string new_pcd_header(const std::vector<Column>& fields, std::uint64_t width, std::uint64_t height,

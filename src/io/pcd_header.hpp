@@ -37,6 +37,9 @@ PcdHeader parse_pcd_header(std::string_view file, const std::string& name);
 /// The header's text with further fields.
 std::string pcd_header_text(const PcdHeader& header, const AddedAttributes& added);
 
+/// The header's text for so many points in one row.
+std::string pcd_header_of(std::string_view text, char line_end, std::uint64_t points);
+
 /// A header for these fields.
 std::string new_pcd_header(const std::vector<Column>& fields, std::uint64_t width, std::uint64_t height,
                            const std::string& viewpoint, Encoding encoding);

@@ -42,15 +42,6 @@ std::array<std::size_t, 3> find_xyz(const PlyElement& vertex, const std::string&
   return xyz;
 }
 
-void put_added(const AddedAttributes& added, std::uint64_t point, PlyEmitter& emitter) {
-  for (const Attribute* attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute->type);
-    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
-    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size)
-      emitter.put(load_double(from, native(attribute->type), false), native(attribute->type));
-  }
-}
-
 // A PLY file whose points are lines of text or binary records, as Base says.
 template <class Base>
 class PlySource : public Base {
@@ -117,20 +108,12 @@ class PlySource : public Base {
   }
 
  protected:
-  std::string header(const AddedAttributes& added) const override {
+  std::string header(const Edits& edits) const override {
     const auto points_begin = file_.begins[file_.header.vertex];
-    std::string result = ply_header_text(file_.header, this->encoding(), added);
+    std::string result = ply_header_text(file_.header, this->encoding(), edits.added);
     if (std::is_same_v<Base, RecordSource> || file_.wrapped)
       result += this->bytes().substr(file_.header.text.size(), points_begin - file_.header.text.size());
     return result;
-  }
-
-  std::string_view tail() const override {
-    if constexpr (std::is_same_v<Base, RecordSource>) {
-      return this->bytes().substr(file_.begins[file_.header.vertex + 1]);
-    } else {
-      return Base::tail();
-    }
   }
 
  private:
@@ -144,7 +127,8 @@ class PlySource : public Base {
       for (std::size_t i = 0; i < moves.values.size(); ++i) {
         const std::size_t begin = buffer.size();
         transcode_point(cursor, first + i, moves.values[i], edits.replaced, emitter);
-        put_added(edits.added, first + i, emitter);
+        for_each_value(edits.added, first + i,
+                       [&](const char* value, NativeType type) { emitter.put(load_double(value, type, false), type); });
         emitter.end_row();
         if (!edits.removed.empty() && edits.removed[static_cast<std::size_t>(first) + i] != 0) buffer.resize(begin);
       }

@@ -24,15 +24,24 @@ std::optional<std::size_t> list_bytes(std::string_view available, const RecordFi
 }
 
 void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, std::string& to) {
-  for (const Attribute* attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute->type), bytes = attribute->components * size;
-    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * bytes;
+  for_each_value(added, point, [&](const char* value, NativeType type) {
     char scalar[8];
-    for (std::size_t at = 0; at < bytes; at += size) {
-      copy_scalar(scalar, from + at, size, swap);
-      to.append(scalar, size);
+    copy_scalar(scalar, value, size_of(type), swap);
+    to.append(scalar, size_of(type));
+  });
+}
+
+void take_out_records(std::span<const std::uint8_t> removed, std::size_t size, std::size_t begin, std::string& data) {
+  char* to = data.data() + begin;
+  const char* from = to;
+  for (const std::uint8_t is_removed : removed) {
+    if (is_removed == 0) {
+      std::memmove(to, from, size);
+      to += size;
     }
+    from += size;
   }
+  data.resize(static_cast<std::size_t>(to - data.data()));
 }
 
 RecordSource::RecordSource(FileBytes bytes, std::string name, Format format, Encoding encoding, RecordLayout layout,
@@ -165,17 +174,19 @@ const Replacement* RecordSource::find_replacement(const std::vector<Replacement>
 void RecordSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {
   const AddedAttributes& added = edits.added;
   const std::uint64_t first = block_begin(block), last = block_begin(block + 1);
-  std::size_t extra = 0;
   if (added.empty()) {
     to.append(points_.substr(record_begin(first), record_begin(last) - record_begin(first)));
   } else {
-    for (const Attribute* attribute : added) extra += attribute->components * pointfair::size_of(attribute->type);
     for (std::uint64_t point = first; point < last; ++point) {
       to.append(points_.substr(record_begin(point), record_begin(point + 1) - record_begin(point)));
       append_added(added, point, layout_.swap, to);
     }
   }
-  patch(block, moves, edits.replaced, to.data(), record_begin(first), extra);
+  patch(block, moves, edits.replaced, to.data(), record_begin(first), bytes_of(added));
+}
+
+void RecordSource::take_out(std::span<const std::uint8_t> removed, const Edits& edits, std::string& records) const {
+  take_out_records(removed, layout_.record_size + bytes_of(edits.added), 0, records);
 }
 
 }  // namespace pointfair::io

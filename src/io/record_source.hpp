@@ -45,7 +45,10 @@ class RecordSource : public Source {
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
 
  protected:
+  std::string header(const Edits&) const override { return std::string(bytes().substr(0, layout_.begin)); }
+  std::string_view tail() const override { return bytes().substr(layout_.begin + points_.size()); }
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
+  void take_out(std::span<const std::uint8_t> removed, const Edits& edits, std::string& records) const override;
   /// Writes the moved coordinates and the replaced attributes of a block over a copy of the points' bytes from `base`
   /// on, to which `extra_per_point` bytes were added behind each record.
   void patch(std::size_t block, const Moves& moves, const std::vector<Replacement>& replaced, char* to,
@@ -66,6 +69,9 @@ class RecordSource : public Source {
 
 /// Appends the values of `added` at `point` as a binary file holds them.
 void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, std::string& to);
+
+/// Takes records of `size` bytes out of `data`, which holds one for each of `removed` from `begin` on, and ends there.
+void take_out_records(std::span<const std::uint8_t> removed, std::size_t size, std::size_t begin, std::string& data);
 
 /// Bytes from the start of a list's count to behind its last value; nothing if `available` does not hold them.
 std::optional<std::size_t> list_bytes(std::string_view available, const RecordField& field, bool swap);

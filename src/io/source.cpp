@@ -218,9 +218,11 @@ void io::check_has_points_of_file(const Cloud& cloud) {
 }
 
 void Source::write(const io::Edits& edits, Encoding, io::Output& out) const {
-  out.write(header(edits.added));
+  out.write(header(edits));
   io::write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
     append_block(block, moves(block, edits), edits, buffer);
+    if (edits.removed.empty()) return;
+    take_out(edits.removed.subspan(static_cast<std::size_t>(block_begin(block)), block_size(block)), edits, buffer);
   });
   out.write(tail());
 }

@@ -155,10 +155,12 @@ class Source {
 
  protected:
   // What the usual `write` asks for.
-  /// Everything before the first block, with the added attributes declared.
-  virtual std::string header(const io::AddedAttributes&) const { return {}; }
+  /// Everything before the first block, with the added attributes declared, and as many points as are left.
+  virtual std::string header(const io::Edits&) const { return {}; }
   /// The bytes of `block` with moved coordinates and replaced attributes patched, added ones appended to each point.
   virtual void append_block(std::size_t, const Moves&, const io::Edits&, std::string&) const {}
+  /// Takes the points of which `removed` is not 0 out of those bytes. For formats that can leave points out.
+  virtual void take_out(std::span<const std::uint8_t>, const io::Edits&, std::string&) const {}
   /// Everything after the last block.
   virtual std::string_view tail() const { return {}; }
 

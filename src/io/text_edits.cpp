@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing lines of text back: words that changed take the place of others, and all else stays.
 #include <algorithm>
+#include <utility>
 
 #include "io/row_words.hpp"
 #include "io/text_source.hpp"
@@ -35,21 +36,16 @@ std::string with_comma(std::string number) {
   return number;
 }
 
-}  // namespace
-
+// Each value with `separator` before it.
 void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
                         std::string& to) {
-  const std::size_t begin = to.size();
-  for (const Attribute* attribute : added) {
-    const std::size_t size = pointfair::size_of(attribute->type);
-    const char* from = reinterpret_cast<const char*>(attribute->data.data()) + point * attribute->components * size;
-    for (std::uint32_t c = 0; c < attribute->components; ++c, from += size) {
-      to += separator;
-      append_scalar(to, from, native(attribute->type));
-    }
-  }
-  if (decimal == ',') std::replace(to.begin() + static_cast<std::ptrdiff_t>(begin), to.end(), '.', ',');
+  const auto begin = static_cast<std::ptrdiff_t>(to.size());
+  for_each_value(added, point,
+                 [&](const char* value, NativeType type) { append_scalar(to += separator, value, type); });
+  if (decimal == ',') std::replace(to.begin() + begin, to.end(), '.', ',');
 }
+
+}  // namespace
 
 const Replacement* TextSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const {
   const auto found = std::find_if(replaced.begin(), replaced.end(),
@@ -131,6 +127,15 @@ void TextSource::append_block(std::size_t block, const Moves& moves, const Edits
     }
   });
   patched.finish();
+}
+
+// Lines that are no rows stay.
+void TextSource::take_out(std::span<const std::uint8_t> removed, const Edits&, std::string& lines) const {
+  const std::string all = std::exchange(lines, {});
+  std::string_view rest = all, line;
+  std::size_t row = 0;
+  for (const char* begin = rest.data(); next_row(rest, line, layout_.shape); begin = rest.data())
+    if (!is_row(line, layout_.shape.rule) || removed[row++] == 0) lines.append(begin, rest.data());
 }
 
 }  // namespace pointfair::io

@@ -72,6 +72,8 @@ class TextSource : public Source {
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;
+  void take_out(std::span<const std::uint8_t> removed, const Edits& edits, std::string& lines) const override;
+  std::string header(const Edits&) const override { return std::string(bytes().substr(0, layout_.begin)); }
   std::string_view tail() const override { return bytes().substr(layout_.end); }
   /// Of columns() those in the rows; and where they stand in the rows of a block. After columns() was called.
   std::size_t attribute_count() const { return attributes_.size(); }
@@ -119,10 +121,6 @@ class TextSource : public Source {
   mutable std::vector<TextColumn> attributes_;
   mutable std::vector<std::string> text_columns_, rounded_columns_;
 };
-
-/// Appends the values of `added` at `point` as words, each with `separator` before it.
-void append_added_words(const AddedAttributes& added, std::uint64_t point, char separator, char decimal,
-                        std::string& to);
 
 template <class Visit>
 void TextSource::for_each_line(std::size_t block, const Visit& visit) const {

@@ -19,17 +19,6 @@ class XyzSource : public TextSource {
   // Counts of rows would have to follow.
   bool leaves_points_out() const override { return !front_.count; }
 
-  void write(const Edits& edits, Encoding encoding, Output& out) const override {
-    if (edits.removed.empty()) return TextSource::write(edits, encoding, out);
-    out.write(header(edits.added));
-    write_blocks(out, block_count(), [&](std::size_t block, std::string& buffer) {
-      std::string whole;
-      append_block(block, moves(block, edits), edits, whole);
-      append_remaining(whole, edits.removed.subspan(static_cast<std::size_t>(block_begin(block))), buffer);
-    });
-    out.write(tail());
-  }
-
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
     if (front_.has_titles) result.push_back({ContentKind::comments, "the lines before the first row"});
@@ -44,9 +33,9 @@ class XyzSource : public TextSource {
   }
 
  protected:
-  std::string header(const AddedAttributes& added) const override {
+  std::string header(const Edits& edits) const override {
     std::string text(bytes().substr(0, front_.end));
-    if (front_.names_end == 0 || added.empty()) return text;
+    if (front_.names_end == 0 || edits.added.empty()) return text;
     if (front_.is_doubtful)
       fail(name(),
            "between its names and its first row are lines that are neither, or its rows have more values than "
@@ -54,7 +43,7 @@ class XyzSource : public TextSource {
     std::string names;
     for (std::size_t c = front_.named; c < front_.names.size(); ++c)
       names += front_.names_separator + one_word(front_.names[c]);
-    for (const Attribute* attribute : added) {
+    for (const Attribute* attribute : edits.added) {
       for (const std::string& name : component_names(attribute->name, attribute->components))
         names += front_.names_separator + one_word(name);
     }
@@ -62,16 +51,6 @@ class XyzSource : public TextSource {
   }
 
  private:
-  // All lines of the text but rows of points that are removed.
-  void append_remaining(std::string_view text, std::span<const std::uint8_t> removed, std::string& to) const {
-    const char* begin = text.data();
-    std::size_t point = 0;
-    for (std::string_view line; next_row(text, line, layout().shape); begin = text.data()) {
-      if (is_row(line, layout().shape.rule) && removed[point++] != 0) continue;
-      to.append(begin, text.data());
-    }
-  }
-
   // Each stands behind a line with its count.
   std::uint64_t count_scans() const {
     std::uint64_t scans = 1;

@@ -33,14 +33,10 @@ class NpySource final : public RecordSource {
     std::string changed(points());  // one column after the other
     for_each_block(block_count(),
                    [&](std::size_t block) { patch(block, moves(block, edits), edits.replaced, changed.data(), 0, 0); });
-    out.write(header({}));
+    out.write(header(edits));
     out.write(changed);
     out.write(tail());
   }
-
- protected:
-  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, layout().begin)); }
-  std::string_view tail() const override { return bytes().substr(layout().begin + points().size()); }
 
  private:
   bool is_columnar_;

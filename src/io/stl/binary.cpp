@@ -49,7 +49,7 @@ class BinarySource final : public Source {
   }
 
  protected:
-  std::string header(const AddedAttributes&) const override { return std::string(bytes().substr(0, kHeader)); }
+  std::string header(const Edits&) const override { return std::string(bytes().substr(0, kHeader)); }
   std::string_view tail() const override {
     return bytes().substr(kHeader + static_cast<std::size_t>(facets_) * kFacet);
   }
