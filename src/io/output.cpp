@@ -7,7 +7,6 @@
 #include <cerrno>
 #include <cstdio>
 #include <mutex>
-#include <optional>
 #include <set>
 #include <system_error>
 #include <utility>
@@ -59,12 +58,16 @@ void remove_what_was_left(const fs::path& folder) {
   fail(name, "cannot write: " + platform::message_of(error));
 }
 
-// Writes to a descriptor. Once there is no room left, it only counts, so that the error can say how much is needed.
-class Writer {
+// Writes to a descriptor, which it closes. Once there is no room left, it only counts, so that the error can say how
+// much is needed.
+class DescriptorOutput : public Output {
  public:
-  Writer(int fd, const std::string& name) : fd_(fd), name_(name) {}
+  explicit DescriptorOutput(std::string name, int fd = -1) : name_(std::move(name)), fd_(fd) {}
+  ~DescriptorOutput() override {
+    if (fd_ >= 0) close();
+  }
 
-  void write(std::string_view bytes) {
+  void write(std::string_view bytes) override {
     total_ += bytes.size();
     while (!bytes.empty() && full_ == 0) {
       const std::ptrdiff_t done = platform::write_some(fd_, bytes.data(), bytes.size());
@@ -79,7 +82,7 @@ class Writer {
     }
   }
 
-  void patch(std::uint64_t at, std::string_view bytes) {
+  void patch(std::uint64_t at, std::string_view bytes) override {
     if (full_ != 0) return;
     if (!platform::go_to(fd_, at)) fail_to_write(name_, errno);
     const std::uint64_t total = total_;
@@ -88,44 +91,37 @@ class Writer {
     if (full_ == 0 && !platform::go_to_end(fd_)) fail_to_write(name_, errno);
   }
 
-  void require_room() const {
+  void require_room() override {
     if (full_ == 0) return;
     fail(name_, "cannot write: " + platform::message_of(full_) + "; the output needs " + std::to_string(total_) +
                     " bytes, " + std::to_string(total_ - room_) +
                     " more than there is room for: free some space or write elsewhere");
   }
 
- private:
+  void finish() override { require_room(); }
+
+ protected:
+  int close() { return platform::close_file(std::exchange(fd_, -1)); }
+
+  const std::string name_;
   int fd_;
-  const std::string& name_;
+
+ private:
   int full_ = 0;  // the error
   std::uint64_t total_ = 0, room_ = 0;
 };
 
 // A device, a pipe or standard output: written as it comes.
-class StreamOutput : public Output {
+class StreamOutput final : public DescriptorOutput {
  public:
-  StreamOutput(int fd, std::string name) : fd_(fd), name_(std::move(name)), writer_(fd_, name_) {}
-  ~StreamOutput() override { platform::close_file(fd_); }
-  StreamOutput(const StreamOutput&) = delete;
-  StreamOutput& operator=(const StreamOutput&) = delete;
-
-  void write(std::string_view bytes) override { writer_.write(bytes); }
+  using DescriptorOutput::DescriptorOutput;
   bool can_patch() const override { return false; }
-  void patch(std::uint64_t, std::string_view) override {}
-  void require_room() override { writer_.require_room(); }
-  void finish() override { require_room(); }
-
- private:
-  int fd_;
-  std::string name_;
-  Writer writer_;
 };
 
-class AtomicOutput : public Output {
+class AtomicOutput final : public DescriptorOutput {
  public:
   AtomicOutput(const fs::path& target, std::string name, bool overwrite, bool sync)
-      : target_(target), name_(std::move(name)), overwrite_(overwrite), sync_(sync) {
+      : DescriptorOutput(std::move(name)), target_(target), overwrite_(overwrite), sync_(sync) {
     remove_what_was_left(target_.parent_path());
     do {
       temporary_ = target_.parent_path() / unfinished_name(kUnfinishedOutput);
@@ -134,28 +130,19 @@ class AtomicOutput : public Output {
       if (fd_ < 0) forget();
     } while (fd_ < 0 && errno == EEXIST);
     if (fd_ < 0) fail(name_, "cannot create a file in its folder: " + platform::message_of(errno));
-    writer_.emplace(fd_, name_);
   }
 
   ~AtomicOutput() override {
-    if (fd_ >= 0) platform::close_file(fd_);
+    if (fd_ >= 0) close();
     if (!finished_) platform::remove_file(temporary_.c_str());
     forget();
   }
-  AtomicOutput(const AtomicOutput&) = delete;
-  AtomicOutput& operator=(const AtomicOutput&) = delete;
-
-  void write(std::string_view bytes) override { writer_->write(bytes); }
-  void patch(std::uint64_t at, std::string_view bytes) override { writer_->patch(at, bytes); }
-
-  void require_room() override { writer_->require_room(); }
 
   void finish() override {
     require_room();
     if (overwrite_) platform::take_permissions(fd_, target_);
     if (sync_ && platform::sync_file(fd_) != 0) fail_to_write(name_, errno);
-    const int closed = platform::close_file(std::exchange(fd_, -1));
-    if (closed != 0) fail_to_write(name_, errno);
+    if (close() != 0) fail_to_write(name_, errno);
     // Without overwrite the name must still be free at this moment, not only when the writing began.
     const int renamed =
         overwrite_ ? platform::rename_over(temporary_, target_) : platform::rename_to_free_name(temporary_, target_);
@@ -170,10 +157,7 @@ class AtomicOutput : public Output {
   }
 
   fs::path target_, temporary_;
-  std::string name_;
   bool overwrite_, sync_, finished_ = false;
-  int fd_ = -1;
-  std::optional<Writer> writer_;
   UnfinishedFile* slot_ = nullptr;
 };
 
@@ -181,14 +165,14 @@ class AtomicOutput : public Output {
 
 std::unique_ptr<Output> open_output(const fs::path& path, bool overwrite, bool sync) {
   const std::string name = shown_name(path, false);
-  if (path == "-") return std::make_unique<StreamOutput>(platform::standard_output(), name);
+  if (path == "-") return std::make_unique<StreamOutput>(name, platform::standard_output());
   using Kind = platform::FileStatus::Kind;
   const auto status = platform::status_of(path);
   if (status && status->kind == Kind::folder) fail(name, "is a directory; name a file in it");
   if (status && status->kind == Kind::other) {
     const int fd = platform::open_file(path, Opening::device);
     if (fd < 0) fail_to_write(name, errno);
-    return std::make_unique<StreamOutput>(fd, name);
+    return std::make_unique<StreamOutput>(name, fd);
   }
   if (status && !overwrite) fail(name, "exists already; choose another name or set overwrite");
   // The file that a symbolic link names is replaced, not the link.

@@ -13,7 +13,10 @@ namespace pointfair::io {
 
 class Output {
  public:
+  Output() = default;
   virtual ~Output() = default;
+  Output(const Output&) = delete;
+  Output& operator=(const Output&) = delete;
   virtual void write(std::string_view bytes) = 0;
   /// Whether `patch` can be called: not where bytes leave as they are written.
   virtual bool can_patch() const { return true; }
