@@ -11,6 +11,9 @@
 
 namespace pointfair::io::e57 {
 
+/// Attributes that the standard has no name for are fields of an extension, and so have a prefix in the file.
+inline constexpr const char *kOwnPrefix = "pf:", *kOwnUri = "urn:pointfair:attributes";
+
 /// Where the sections of the file are.
 struct FileHeader {
   std::uint64_t xml_begin = 0;   ///< logical

@@ -8,7 +8,7 @@
 #include "io/box_of.hpp"
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
-#include "io/e57/extension.hpp"
+#include "io/e57/document.hpp"
 #include "io/e57/pages.hpp"
 #include "io/formats.hpp"
 #include "pointfair/version.hpp"

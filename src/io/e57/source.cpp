@@ -8,7 +8,6 @@
 #include <limits>
 #include <numbers>
 
-#include "io/e57/extension.hpp"
 #include "io/e57/pages.hpp"
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"

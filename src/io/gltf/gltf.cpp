@@ -11,7 +11,6 @@
 #include "io/gltf/contents.hpp"
 #include "io/gltf/document.hpp"
 #include "io/gltf/materials.hpp"
-#include "io/held_source.hpp"
 
 namespace pointfair::io {
 namespace gltf {
@@ -258,16 +257,35 @@ class Scene {
   bool is_moved_ = false;
 };
 
-class GltfSource final : public HeldSource {
+// Points that were put together from several parts of the file, and are held in memory. It is read only.
+class GltfSource final : public Source {
  public:
   GltfSource(std::string name, Table table, Materials materials, std::vector<Content> contents)
-      : HeldSource(std::move(name), Format::glb, Encoding::binary, std::move(table)),
+      : Source(FileBytes::copy({}), std::move(name), Format::glb, Encoding::binary),
+        table_(std::move(table)),
         materials_(std::move(materials)),
         contents_(std::move(contents)) {}
+
+  std::size_t block_count() const override { return (table_.size() + kBlock - 1) / kBlock; }
+  std::uint64_t block_begin(std::size_t block) const override { return std::min(block * kBlock, table_.size()); }
+  void positions(std::size_t block, std::span<Position> out) const override {
+    std::copy_n(table_.positions.begin() + std::ptrdiff_t(block_begin(block)), out.size(), out.begin());
+  }
+  ScalarType coordinate_type() const override { return table_.coordinate_type; }
+  std::vector<Column> columns() const override { return {table_.columns.begin(), table_.columns.end()}; }
+  void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override {
+    const TableColumn& column = table_.columns[index];
+    std::copy_n(column.data.begin() + std::ptrdiff_t(block_begin(block) * column_bytes(column)), out.size(),
+                out.begin());
+  }
+  void visit_faces(FaceVisitor& visitor) const override { visit(table_.faces, visitor); }
   Materials materials() const override { return materials_; }
   std::vector<Content> contents() const override { return contents_; }
 
  private:
+  static constexpr std::size_t kBlock = 4096;
+
+  Table table_;
   Materials materials_;
   std::vector<Content> contents_;
 };
