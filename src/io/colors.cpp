@@ -7,21 +7,16 @@
 namespace pointfair::io {
 namespace {
 
-constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
 constexpr double kRounded = 1.001;  // of text, for 1
 
-bool is_complete(const std::array<const TableColumn*, 3>& channels) {
-  return std::all_of(channels.begin(), channels.end(), [](const TableColumn* channel) { return channel != nullptr; });
-}
-
-std::array<const TableColumn*, 3> channels_of(const Table& table) {
-  return {table.find(kChannels[0]), table.find(kChannels[1]), table.find(kChannels[2])};
+bool are_bytes(std::span<const TableColumn* const> channels) {
+  return std::ranges::all_of(channels, [](const TableColumn* channel) { return channel->type == NativeType::uint8; });
 }
 
 // Calls visit(point, value) for all values of a channel.
 template <class Visit>
 void for_each_value(const TableColumn& channel, const Visit& visit) {
-  const std::size_t size = size_of(channel.type), points = channel.data.size() / size;
+  const std::size_t size = size_of(channel.type), points = channel.value_count();
   with_type(channel.type, [&](auto tag) {
     for (std::size_t i = 0; i < points; ++i)
       visit(i, static_cast<double>(load<decltype(tag)>(channel.data.data() + i * size, false)));
@@ -30,10 +25,9 @@ void for_each_value(const TableColumn& channel, const Visit& visit) {
 
 }  // namespace
 
-ColorRange color_range(const std::array<const TableColumn*, 3>& channels) {
+ColorRange color_range(std::span<const TableColumn* const> channels) {
   ColorRange range;
-  const auto is_byte = [](const TableColumn* channel) { return channel->type == NativeType::uint8; };
-  if (std::all_of(channels.begin(), channels.end(), is_byte)) return range;
+  if (are_bytes(channels)) return range;
   double most = 0;
   bool integers = true;
   for (const TableColumn* channel : channels) {
@@ -46,7 +40,7 @@ ColorRange color_range(const std::array<const TableColumn*, 3>& channels) {
   std::vector<bool> missing;
   for (const TableColumn* channel : channels) {
     if (is_integer(channel->type)) continue;
-    missing.resize(channel->data.size() / size_of(channel->type));
+    missing.resize(channel->value_count());
     for_each_value(*channel, [&](std::size_t point, double value) {
       constexpr double kDigits = 0.03;  // of four decimals, and of floats
       if (std::isnan(value)) missing[point] = true;
@@ -59,8 +53,8 @@ ColorRange color_range(const std::array<const TableColumn*, 3>& channels) {
 
 ByteColors colors_as_bytes(const Table& table) {
   ByteColors colors;
-  const auto channels = channels_of(table);
-  if (!is_complete(channels)) return colors;
+  const auto channels = table.find_all(kChannels);
+  if (channels.empty()) return colors;
   const ColorRange range = color_range(channels);
   colors.values.resize(table.size());
   if (range.missing > 0) colors.missing.resize(table.size());
@@ -75,9 +69,8 @@ ByteColors colors_as_bytes(const Table& table) {
 }
 
 void use_color_depth(Table& table, ColorDepth depth) {
-  const auto channels = channels_of(table);
-  const auto is_bytes = [](const TableColumn* channel) { return channel->type == NativeType::uint8; };
-  if (!is_complete(channels) || std::all_of(channels.begin(), channels.end(), is_bytes)) return;
+  const auto channels = table.find_all(kChannels);
+  if (channels.empty() || are_bytes(channels)) return;
   const ColorRange range = color_range(channels);
   if (depth == ColorDepth::any && (range.fine || range.missing > 0)) return;
   const bool wide = depth == ColorDepth::sixteen_bits && range.fine;
@@ -85,18 +78,10 @@ void use_color_depth(Table& table, ColorDepth depth) {
   for (std::size_t c = 0; c < 3; ++c) {
     auto& column = *std::find_if(table.columns.begin(), table.columns.end(),
                                  [&](const TableColumn& candidate) { return candidate.name == kChannels[c]; });
-    std::vector<char> data(table.size() * (wide ? 2 : 1));
-    if (wide) {
-      const auto put = [&](std::size_t i, double value) {
-        const double scaled = colors.has(i) ? 257 * range.factor * value : 65535;
-        store_double(data.data() + 2 * i, NativeType::uint16, false, scaled);
-      };
-      for_each_value(column, put);
-    } else {
-      for (std::size_t i = 0; i < data.size(); ++i) data[i] = static_cast<char>(colors.values[i][c]);
-    }
-    column.type = wide ? NativeType::uint16 : NativeType::uint8;
-    column.data = std::move(data);
+    change_values(column, wide ? NativeType::uint16 : NativeType::uint8, [&](std::size_t i, double value) {
+      if (!wide) return static_cast<double>(colors.values[i][c]);
+      return colors.has(i) ? 257 * range.factor * value : 65535.0;
+    });
   }
 }
 

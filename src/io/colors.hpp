@@ -4,11 +4,15 @@
 
 #include <array>
 #include <cstdint>
+#include <span>
+#include <string_view>
 #include <vector>
 
 #include "io/table.hpp"
 
 namespace pointfair::io {
+
+inline constexpr std::array<std::string_view, 3> kChannels = {"red", "green", "blue"};
 
 /// Colours as bytes; none if the table has no red, green and blue.
 struct ByteColors {
@@ -24,7 +28,7 @@ struct ColorRange {
   bool fine = false;          ///< more than 8 bits are used
   std::uint64_t missing = 0;  ///< points without a colour
 };
-ColorRange color_range(const std::array<const TableColumn*, 3>& channels);
+ColorRange color_range(std::span<const TableColumn* const> channels);
 
 ByteColors colors_as_bytes(const Table& table);
 

@@ -31,7 +31,6 @@ class Attributes {
     std::array<std::string, 3> channels;
     for (const AttributeInfo& info : attributes(cloud)) {
       const std::string plain = ply_name(info.name);
-      constexpr std::array<const char*, 3> kChannels = {"red", "green", "blue"};
       const auto channel =
           static_cast<std::size_t>(std::find(kChannels.begin(), kChannels.end(), plain) - kChannels.begin());
       if (channel < 3 && info.components == 1 && channels[channel].empty()) {
@@ -68,7 +67,7 @@ class Attributes {
     if (!has_channels_ || has_bytes_) return;
     const std::vector<Attribute> values = attribute_values(cloud_, std::span(colors_).first(3));
     const TableColumn red = column_of(values[0]), green = column_of(values[1]), blue = column_of(values[2]);
-    const ColorRange range = color_range({&red, &green, &blue});
+    const ColorRange range = color_range(std::array{&red, &green, &blue});
     if (range.fine) to.push_back({ContentKind::fine_colors, "the colours"});
     if (range.missing > 0) to.push_back({ContentKind::some_colors, counted(range.missing, "point")});
   }

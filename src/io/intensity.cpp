@@ -52,14 +52,7 @@ void use_las_intensity(Table& table) {
   double factor = 1;
   if (in_range && seen.most <= 1) factor = kMost;
   if (!in_range && seen.most > seen.least) factor = kMost / (seen.most - seen.least);
-  std::vector<char> data(table.size() * sizeof(std::uint16_t));
-  const std::size_t size = size_of(column->type);
-  for (std::size_t i = 0; i < table.size(); ++i) {
-    const double value = load_double(column->data.data() + i * size, column->type, false);
-    store_double(data.data() + i * sizeof(std::uint16_t), NativeType::uint16, false, factor * (value - low));
-  }
-  column->type = NativeType::uint16;
-  column->data = std::move(data);
+  change_values(*column, NativeType::uint16, [&](std::size_t, double value) { return factor * (value - low); });
 }
 
 }  // namespace pointfair::io

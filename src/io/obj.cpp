@@ -17,8 +17,6 @@
 namespace pointfair::io {
 namespace {
 
-constexpr const char* kNormals[] = {"nx", "ny", "nz"};
-
 class ObjSource : public TextSource {
  public:
   using TextSource::TextSource;
@@ -39,7 +37,7 @@ class ObjSource : public TextSource {
   std::vector<Column> columns() const override {
     std::vector<Column> columns = TextSource::columns();
     if (!point_normals().empty()) {
-      for (const char* name : kNormals) columns.push_back({name, NativeType::float32, 1});
+      for (const std::string_view name : kNormals) columns.push_back({std::string(name), NativeType::float32, 1});
     }
     return columns;
   }
@@ -164,7 +162,7 @@ std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name, const
 void write_obj(Table table, const Writing&, Output& out) {
   use_ply_names(table);
   const ByteColors colors = colors_as_bytes(table);
-  const auto normals = normal_columns(table);
+  const auto normals = table.find_all(kNormals);
   const std::vector<std::uint64_t> textures = texture_lines(table.faces.texture);
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     buffer += "v ";

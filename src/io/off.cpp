@@ -286,18 +286,14 @@ std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name, const
 
 void write_off(Table table, const Writing&, Output& out) {
   use_ply_names(table);
-  const ByteColors colors = colors_as_bytes(table);
-  const bool colored = !colors.values.empty();
-  const auto normals = normal_columns(table);
-  out.write(std::string(colored ? "C" : "") + (normals.empty() ? "OFF\n" : "NOFF\n") + std::to_string(table.size()) +
-            " " + std::to_string(table.faces.ends.size()) + " 0\n");
+  const auto colors = table.find_all(kChannels), normals = table.find_all(kNormals);
+  out.write(std::string(colors.empty() ? "" : "C") + (normals.empty() ? "OFF\n" : "NOFF\n") +
+            std::to_string(table.size()) + " " + std::to_string(table.faces.ends.size()) + " 0\n");
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     append_position(buffer, table, i, ' ');
     for (const TableColumn* column : normals) append_value(buffer, *column, i, ' ');
-    if (colored) {
-      for (const std::uint8_t channel : colors.values[i]) buffer += std::to_string(channel) + ' ';
-      buffer += "255 ";
-    }
+    for (const TableColumn* column : colors) append_value(buffer, *column, i, ' ');
+    if (!colors.empty()) buffer += "255 ";
     buffer.back() = '\n';
   });
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {

@@ -308,15 +308,16 @@ std::shared_ptr<Source> read_packed(FileBytes bytes, PcdHeader header, const std
 
 // red, green, blue as PCL has them: in the bytes of one number called rgb.
 void pack_colors(Table& table) {
-  const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
+  const auto colors = table.find_all(kChannels);
   if (colors.empty()) return;
-  TableColumn packed = zero_column({"rgb", NativeType::float32}, colors.size());
-  for (std::size_t i = 0; i < colors.size(); ++i) {
-    const std::uint32_t value = static_cast<std::uint32_t>(colors[i][0] << 16 | colors[i][1] << 8 | colors[i][2]);
+  TableColumn packed = zero_column({"rgb", NativeType::float32}, table.size());
+  for (std::size_t i = 0; i < table.size(); ++i) {
+    std::uint32_t value = 0;
+    for (const TableColumn* column : colors) value = value << 8 | static_cast<unsigned char>(column->data[i]);
     std::memcpy(packed.data.data() + 4 * i, &value, sizeof value);
   }
   std::erase_if(table.columns,
-                [](const TableColumn& c) { return c.name == "red" || c.name == "green" || c.name == "blue"; });
+                [](const TableColumn& c) { return std::ranges::find(kChannels, c.name) != kChannels.end(); });
   table.columns.push_back(std::move(packed));
 }
 

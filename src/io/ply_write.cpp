@@ -51,10 +51,7 @@ void write_ply(Table table, const Writing& writing, Output& out) {
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     PlyEmitter emitter(buffer, writing.encoding);
     for (const double value : table.positions[i]) emitter.put(value, native(table.coordinate_type));
-    for (const TableColumn& column : table.columns) {
-      const double value = load_double(column.data.data() + i * column_bytes(column), column.type, false);
-      emitter.put(value, native(shown_as(column.type)));
-    }
+    for (const TableColumn& column : table.columns) emitter.put(column.value(i), native(shown_as(column.type)));
     emitter.end_row();
   });
   const FaceTypes types = face_types(table);

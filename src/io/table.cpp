@@ -58,16 +58,6 @@ bool is_unit_color(const TableColumn& column) {
   return is_integer(column.type) && (name == "rf" || name == "gf" || name == "bf");
 }
 
-void use_floats(TableColumn& column) {
-  const std::size_t size = size_of(column.type), rows = column.data.size() / size;
-  std::vector<char> floats(rows * sizeof(float));
-  for (std::size_t i = 0; i < rows; ++i)
-    store_double(floats.data() + i * sizeof(float), NativeType::float32, false,
-                 load_double(column.data.data() + i * size, column.type, false));
-  column.type = NativeType::float32;
-  column.data = std::move(floats);
-}
-
 // The names of PLY, where no other column has them.
 void rename_columns(std::vector<TableColumn>& columns) {
   std::vector<std::string> names;
@@ -87,6 +77,13 @@ void rename_columns(std::vector<TableColumn>& columns) {
 const TableColumn* Table::find(std::string_view name) const {
   const auto found = std::find_if(columns.begin(), columns.end(), [&](const TableColumn& c) { return c.name == name; });
   return found == columns.end() ? nullptr : &*found;
+}
+
+std::vector<const TableColumn*> Table::find_all(std::span<const std::string_view> names) const {
+  std::vector<const TableColumn*> found;
+  for (const std::string_view name : names) found.push_back(find(name));
+  if (std::ranges::find(found, nullptr) != found.end()) found.clear();
+  return found;
 }
 
 TableColumn column_of(const Attribute& attribute) {
@@ -129,7 +126,8 @@ void use_ply_names(Table& table, ColorDepth depth) {
     } else if (column.components != 1) {
       split_components(column, columns);
     } else {
-      if (is_unit_color(column)) use_floats(column);
+      if (is_unit_color(column))
+        change_values(column, NativeType::float32, [](std::size_t, double value) { return value; });
       columns.push_back(std::move(column));
     }
   }
@@ -150,12 +148,6 @@ std::vector<std::string> names_of(const Table& table) {
   std::vector<std::string> names;
   for (const TableColumn& column : table.columns) names.push_back(column.name);
   return names;
-}
-
-std::vector<const TableColumn*> normal_columns(const Table& table) {
-  std::vector<const TableColumn*> columns = {table.find("nx"), table.find("ny"), table.find("nz")};
-  if (std::find(columns.begin(), columns.end(), nullptr) != columns.end()) columns.clear();
-  return columns;
 }
 
 void append_position(std::string& to, const Table& table, std::size_t row, char separator) {

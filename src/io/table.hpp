@@ -2,8 +2,11 @@
 // A cloud as columns of numbers: what one format hands to another.
 #pragma once
 
+#include <array>
 #include <functional>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "io/source.hpp"
@@ -13,7 +16,21 @@ namespace pointfair::io {
 
 struct TableColumn : Column {
   std::vector<char> data;  ///< size * column_bytes bytes, native byte order
+
+  /// Of all rows, where there is one component.
+  std::size_t value_count() const { return data.size() / size_of(type); }
+  double value(std::size_t row) const { return load_double(data.data() + row * size_of(type), type, false); }
 };
+
+/// Gives the column another type, and the values of(row, value).
+template <class Of>
+void change_values(TableColumn& column, NativeType type, const Of& of) {
+  std::vector<char> data(column.value_count() * size_of(type));
+  for (std::size_t i = 0; i < column.value_count(); ++i)
+    store_double(data.data() + i * size_of(type), type, false, of(i, column.value(i)));
+  column.type = type;
+  column.data = std::move(data);
+}
 
 /// The attribute as a column, and a column of zeros for so many rows.
 TableColumn column_of(const Attribute& attribute);
@@ -28,6 +45,8 @@ struct Table {
   std::size_t size() const { return positions.size(); }
   /// The column called so, or null.
   const TableColumn* find(std::string_view name) const;
+  /// Those called so, in this order; none if one is missing.
+  std::vector<const TableColumn*> find_all(std::span<const std::string_view> names) const;
 };
 
 /// Everything in the cloud that is numbers, under the names that its file uses.
@@ -44,8 +63,8 @@ void use_ply_names(Table& table, ColorDepth depth = ColorDepth::bytes);
 std::vector<std::string> ply_names(const Cloud& cloud);
 std::vector<std::string> names_of(const Table& table);
 
-/// nx, ny, nz; empty if one is missing.
-std::vector<const TableColumn*> normal_columns(const Table& table);
+/// Of normals, as use_ply_names() has them.
+inline constexpr std::array<std::string_view, 3> kNormals = {"nx", "ny", "nz"};
 
 /// A row's coordinates and its value of a column as words of a text, each with the separator behind it.
 void append_position(std::string& to, const Table& table, std::size_t row, char separator);

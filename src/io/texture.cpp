@@ -89,13 +89,9 @@ std::vector<float> coordinates_of_points(const Cloud& cloud) {
   if (names.empty()) return {};
   std::vector<float> result(2 * cloud.points.size());
   const std::vector<Attribute> values = attribute_values(cloud, names);
-  for (std::size_t c = 0; c < values.size(); ++c) {
-    const io::NativeType type = io::native(values[c].type);
-    const std::size_t stride = values[c].components * size_of(values[c].type);
+  for (std::size_t c = 0; c < values.size(); ++c)
     for (std::size_t i = 0; i < cloud.points.size(); ++i)
-      result[2 * i + c] = static_cast<float>(
-          io::load_double(reinterpret_cast<const char*>(values[c].data.data()) + i * stride, type, false));
-  }
+      result[2 * i + c] = static_cast<float>(value_at(values[c], i));
   return result;
 }
 

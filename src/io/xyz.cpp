@@ -2,6 +2,7 @@
 // Reading and writing columns of numbers: XYZ, TXT, CSV, PTS.
 #include <algorithm>
 
+#include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/parallel.hpp"
@@ -108,9 +109,8 @@ void check_count(const XyzFront& front, const TextLayout& layout, std::string_vi
 
 // PTS has no names: by their places, readers take an intensity, then colours.
 void order_as_pts(Table& table) {
-  const bool has_colors = table.find("red") && table.find("green") && table.find("blue");
   constexpr std::size_t kOneAndColors = 4;
-  const bool one_beside_colors = has_colors && table.columns.size() == kOneAndColors;
+  const bool one_beside_colors = !table.find_all(kChannels).empty() && table.columns.size() == kOneAndColors;
   const auto place = [&](const TableColumn& column) {
     if (column.name == "red") return 1;
     if (column.name == "green") return 2;

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "io/box_of.hpp"
-#include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/e57/document.hpp"
 #include "io/e57/pages.hpp"
@@ -114,35 +113,26 @@ void set_range(NewField& field) {
 
 // E57 has integers up to those of int64.
 void use_doubles_beyond_int64(TableColumn& column) {
-  constexpr std::size_t kSize = 8;
-  if (column.type != NativeType::uint64) return;
   bool is_beyond = false;
-  for (std::size_t at = 0; at < column.data.size(); at += kSize)
+  for (std::size_t at = 0; column.type == NativeType::uint64 && at < column.data.size(); at += sizeof(std::uint64_t))
     is_beyond = is_beyond || load<std::uint64_t>(column.data.data() + at, false) >> 63 != 0;
-  if (!is_beyond) return;
-  for (std::size_t at = 0; at < column.data.size(); at += kSize) {
-    const double value = load_double(column.data.data() + at, column.type, false);
-    store_double(column.data.data() + at, NativeType::float64, false, value);
-  }
-  column.type = NativeType::float64;
+  if (is_beyond) change_values(column, NativeType::float64, [](std::size_t, double value) { return value; });
 }
 
 class NewFile {
  public:
   NewFile(Table table, const std::string& software) : table_(std::move(table)), software_(software) {
     use_ply_names(table_);
-    use_bytes_for_colors();
     const NativeType type = native(table_.coordinate_type);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      NewField field{.name = std::string("cartesian") + "XYZ"[axis],
-                     .type = type,
-                     .values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double),
-                     .stride = sizeof(Position)};
-      fields_.push_back(field);
-    }
+    for (std::size_t axis = 0; axis < 3; ++axis)
+      fields_.push_back({.name = std::string("cartesian") + "XYZ"[axis],
+                         .type = type,
+                         .values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double),
+                         .stride = sizeof(Position)});
     const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
                                        [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
-    if (!all_valid) add_state();
+    if (!all_valid)
+      fields_.push_back({.name = "cartesianInvalidState", .type = NativeType::uint8, .maximum = 2, .is_state = true});
     const std::vector<std::string> names = e57_names(names_of(table_)).names;
     for (std::size_t c = 0; c < names.size(); ++c) {
       use_doubles_beyond_int64(table_.columns[c]);
@@ -183,29 +173,10 @@ class NewFile {
     for (const NewField& field : fields_) sum += field.bits();
     return sum;
   }
-  // Readers expect bytes, whatever the limits say.
-  void use_bytes_for_colors() {
-    const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table_).values;
-    if (colors.empty()) return;
-    for (TableColumn& column : table_.columns) {
-      const std::size_t channel = column.name == "red" ? 0 : column.name == "green" ? 1 : column.name == "blue" ? 2 : 3;
-      if (channel == 3) continue;
-      column.type = NativeType::uint8;
-      column.data.resize(colors.size());
-      for (std::size_t i = 0; i < colors.size(); ++i) column.data[i] = static_cast<char>(colors[i][channel]);
-    }
-  }
-  void add_state() {
-    NewField field{.name = "cartesianInvalidState", .type = NativeType::uint8, .maximum = 2, .is_state = true};
-    fields_.push_back(field);
-  }
   void add_column(const TableColumn& column, const std::string& name) {
-    NewField field{.name = name};
-    field.type = column.type;
-    field.values = column.data.data();
-    field.stride = column_bytes(column);
+    NewField& field = fields_.emplace_back(
+        NewField{.name = name, .type = column.type, .values = column.data.data(), .stride = column_bytes(column)});
     set_range(field);
-    fields_.push_back(field);
   }
 
   std::size_t packet_size(std::uint64_t records) const {

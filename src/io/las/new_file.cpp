@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "io/box_of.hpp"
+#include "io/colors.hpp"
 #include "io/formats.hpp"
 #include "io/intensity.hpp"
 #include "io/las/fields.hpp"
@@ -74,9 +75,8 @@ bool fits(const TableColumn& column, const Field& field) {
   if (column.components != 1) return false;
   if (field.type == NativeType::float64) return size_of(column.type) < 8 || column.type == field.type;
   if (!is_integer(field.type)) return column.type == field.type;
-  const std::size_t size = size_of(column.type);
-  for (std::size_t at = 0; at < column.data.size(); at += size) {
-    const double value = load_double(column.data.data() + at, column.type, false);
+  for (std::size_t i = 0; i < column.value_count(); ++i) {
+    const double value = column.value(i);
     if (!(value >= least && value <= most && value == std::nearbyint(value))) return false;
   }
   return true;
@@ -84,12 +84,11 @@ bool fits(const TableColumn& column, const Field& field) {
 
 std::string las_name_of(const TableColumn& column) { return las_name(column.name); }
 
-bool is_color(const std::string& name) { return name == "red" || name == "green" || name == "blue"; }
+bool is_color(const std::string& name) { return std::ranges::find(kChannels, name) != kChannels.end(); }
 
 unsigned point_format_for(const Table& table) {
-  const bool color = table.find("red") && table.find("green") && table.find("blue");
   const bool infrared = std::ranges::find(table.columns, "nir", las_name_of) != table.columns.end();
-  return !color ? 6 : infrared ? 8 : 7;
+  return table.find_all(kChannels).empty() ? 6 : infrared ? 8 : 7;
 }
 
 Header empty_header(unsigned format) {
@@ -215,11 +214,8 @@ class NewFile {
     std::array<std::uint64_t, 16> counts{};
     const Mapping* const number = find("return_number");
     if (!number) counts[1] = table_.size();
-    for (std::size_t i = 0; number && i < table_.size(); ++i) {
-      const std::size_t size = size_of(number->column->type);
-      ++counts[static_cast<std::size_t>(
-          load_double(number->column->data.data() + i * size, number->column->type, false))];
-    }
+    for (std::size_t i = 0; number && i < table_.size(); ++i)
+      ++counts[static_cast<std::size_t>(number->column->value(i))];
     for (std::size_t r = 1; r < counts.size(); ++r) put(front, place::returns + 8 * (r - 1), counts[r]);
   }
 

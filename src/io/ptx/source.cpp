@@ -140,8 +140,7 @@ std::shared_ptr<Source> read_ptx(FileBytes bytes, const std::string& name, const
 // One scan of one row in the coordinates of the cloud.
 void write_ptx(Table table, const Writing&, Output& out) {
   use_ply_names(table);
-  const std::vector<std::array<std::uint8_t, 3>> colors = colors_as_bytes(table).values;
-  const bool colored = !colors.empty();
+  const auto colors = table.find_all(kChannels);
   const TableColumn* const intensity = table.find("intensity");
   out.write(std::to_string(table.size()) + "\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n");
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
@@ -156,8 +155,7 @@ void write_ptx(Table table, const Writing&, Output& out) {
     } else {
       buffer += "0.5 ";  // every row has one; this is what other writers put where none is known
     }
-    if (colored)
-      for (const std::uint8_t channel : colors[i]) buffer += std::to_string(channel) + ' ';
+    for (const TableColumn* column : colors) append_value(buffer, *column, i, ' ');
     buffer.back() = '\n';
   });
 }
