@@ -29,34 +29,17 @@ std::string one_word(std::string_view name) {
 }
 
 std::string ply_name(const std::string& name) {
-  static constexpr std::array<std::pair<std::string_view, std::string_view>, 23> kAliases = {{
-      {"normal_x", "nx"},
-      {"normal_y", "ny"},
-      {"normal_z", "nz"},
-      {"nx", "nx"},
-      {"ny", "ny"},
-      {"nz", "nz"},
-      {"r", "red"},
-      {"g", "green"},
-      {"b", "blue"},
-      {"rf", "red"},  // CloudCompare, for colours from 0 to 1
-      {"gf", "green"},
-      {"bf", "blue"},
-      {"a", "alpha"},
-      {"red", "red"},
-      {"green", "green"},
-      {"blue", "blue"},
-      {"alpha", "alpha"},
-      {"colorred", "red"},  // E57
-      {"colorgreen", "green"},
-      {"colorblue", "blue"},
-      {"nor:normalx", "nx"},
-      {"nor:normaly", "ny"},
-      {"nor:normalz", "nz"},
-  }};
+  // each with its other names: of programs, of colours from 0 to 1 as CloudCompare has them, and of E57
+  static constexpr std::array<std::string_view, 4> kNames[] = {{"nx", "normal_x", "nor:normalx"},
+                                                               {"ny", "normal_y", "nor:normaly"},
+                                                               {"nz", "normal_z", "nor:normalz"},
+                                                               {"red", "r", "rf", "colorred"},
+                                                               {"green", "g", "gf", "colorgreen"},
+                                                               {"blue", "b", "bf", "colorblue"},
+                                                               {"alpha", "a"}};
   const std::string lower = lower_case(name);
-  for (const auto& [alias, plain] : kAliases)
-    if (lower == alias) return std::string(plain);
+  for (const auto& names : kNames)
+    if (!lower.empty() && std::ranges::find(names, lower) != names.end()) return std::string(names[0]);
   return name;
 }
 

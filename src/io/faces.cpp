@@ -7,15 +7,11 @@ namespace pointfair::io {
 
 void visit(const Faces& faces, FaceVisitor& visitor) {
   visitor.expect({faces.ends.size(), faces.corners.size(), true});
-  const std::span<const std::uint32_t> corners = faces.corners;
   const std::span<const float> texture = faces.texture;
-  std::size_t begin = 0;
   for (std::size_t face = 0; face < faces.ends.size(); ++face) {
-    const auto end = static_cast<std::size_t>(faces.ends[face]);
+    const std::span<const std::uint32_t> corners = faces.corners_of(face);
     if (!faces.materials.empty()) visitor.use(faces.materials[face]);
-    visitor.take(corners.subspan(begin, end - begin),
-                 texture.empty() ? texture : texture.subspan(2 * begin, 2 * (end - begin)));
-    begin = end;
+    visitor.take(corners, texture.empty() ? texture : texture.subspan(2 * faces.begin_of(face), 2 * corners.size()));
   }
 }
 

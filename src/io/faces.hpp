@@ -18,6 +18,11 @@ struct Faces {
   std::vector<std::uint32_t> corners;
   std::vector<float> texture;            ///< two for each corner, NaN for one without; or none at all
   std::vector<std::uint32_t> materials;  ///< one for each face as FaceVisitor::use() says it, or none at all
+
+  std::size_t begin_of(std::size_t face) const { return face == 0 ? 0 : static_cast<std::size_t>(ends[face - 1]); }
+  std::span<const std::uint32_t> corners_of(std::size_t face) const {
+    return std::span(corners).subspan(begin_of(face), static_cast<std::size_t>(ends[face]) - begin_of(face));
+  }
 };
 
 namespace io {

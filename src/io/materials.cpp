@@ -2,17 +2,12 @@
 #include "io/materials.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <optional>
 
 #include "io/text.hpp"
 
 namespace pointfair::io {
 namespace {
-
-bool same_word(std::string_view a, std::string_view b) {
-  return std::ranges::equal(a, b, [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
-}
 
 // How many words follow an option of a picture; those of the last three take up to three numbers.
 struct Option {
@@ -29,7 +24,7 @@ bool take_options(std::string_view& rest) {
   bool altered = false;
   std::string_view word, after = rest;
   while (next_word(after, word)) {
-    const auto option = std::ranges::find_if(kOptions, [&](const Option& one) { return same_word(one.name, word); });
+    const auto option = std::ranges::find(kOptions, lower_case(word), &Option::name);
     if (option == std::end(kOptions)) break;
     for (int i = 0; i < option->words; ++i) next_word(after, word);
     rest = after;
@@ -54,8 +49,8 @@ std::vector<LibraryPicture> library_pictures(std::string_view text) {
     std::string_view line = text.substr(0, end), key;
     text.remove_prefix(std::min(end + 1, text.size()));
     if (!next_word(line, key)) continue;
-    if (same_word(key, "newmtl")) material = without_blanks(line);
-    if (!same_word(key, "map_Kd")) continue;
+    if (lower_case(key) == "newmtl") material = without_blanks(line);
+    if (lower_case(key) != "map_kd") continue;
     const bool altered = take_options(line);
     if (const std::string_view name = without_blanks(line); !name.empty())
       pictures.push_back({material, std::string(name), altered});

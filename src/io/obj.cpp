@@ -186,8 +186,7 @@ void write_obj(Table table, const Writing&, Output& out) {
   });
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
     buffer += 'f';
-    const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1];
-    for (std::uint64_t c = begin; c < table.faces.ends[face]; ++c) {
+    for (std::size_t c = table.faces.begin_of(face); c < table.faces.ends[face]; ++c) {
       const std::string point = std::to_string(std::uint64_t{table.faces.corners[c]} + 1);
       buffer += ' ' + point;
       const bool textured = !textures.empty() && textures[c] != 0;

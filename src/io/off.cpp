@@ -89,11 +89,9 @@ class HeaderReader {
   }
 
   void keyword(std::string_view written) {
-    std::string upper(written);
-    if (lower_case(written) == written)  // but "nOFF" is not "NOFF"
-      std::transform(upper.begin(), upper.end(), upper.begin(),
-                     [](char c) { return c >= 'a' && c <= 'z' ? char(c - 32) : c; });
-    std::string_view word = upper;
+    const bool is_small = lower_case(written) == written;  // "nOFF" is not "NOFF"
+    const std::string capitals = is_small ? upper_case(written) : std::string(written);
+    std::string_view word = capitals;
     const auto take = [&](std::string_view prefix) {
       const bool there = word.starts_with(prefix) && lower_case(word) != "off";
       if (there) word.remove_prefix(prefix.size());
@@ -297,9 +295,8 @@ void write_off(Table table, const Writing&, Output& out) {
     buffer.back() = '\n';
   });
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
-    const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1], end = table.faces.ends[face];
-    buffer += std::to_string(end - begin);
-    for (std::uint64_t c = begin; c < end; ++c) buffer += ' ' + std::to_string(table.faces.corners[c]);
+    buffer += std::to_string(table.faces.corners_of(face).size());
+    for (const std::uint32_t corner : table.faces.corners_of(face)) buffer += ' ' + std::to_string(corner);
     buffer += '\n';
   });
 }

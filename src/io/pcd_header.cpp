@@ -29,13 +29,6 @@ std::optional<NativeType> type_of(std::string_view letter, std::string_view size
   return std::nullopt;
 }
 
-std::string upper_case(std::string_view word) {
-  std::string upper(word);
-  for (char& c : upper)
-    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
-  return upper;
-}
-
 std::string_view encoding_name(Encoding encoding) {
   if (encoding == Encoding::ascii) return "ascii";
   return encoding == Encoding::binary ? "binary" : "binary_compressed";

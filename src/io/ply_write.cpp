@@ -19,9 +19,10 @@ struct FaceTypes {
 };
 
 FaceTypes face_types(const Table& table) {
-  std::uint64_t begin = 0, longest = 0;
-  for (const std::uint64_t end : table.faces.ends) longest = std::max(longest, end - std::exchange(begin, end));
-  const std::uint64_t most = table.faces.texture.empty() ? 255 : 255 / 2;
+  std::size_t longest = 0;
+  for (std::size_t face = 0; face < table.faces.ends.size(); ++face)
+    longest = std::max(longest, table.faces.corners_of(face).size());
+  const std::size_t most = table.faces.texture.empty() ? 255 : 255 / 2;
   if (longest <= most && table.size() < (std::uint64_t{1} << 31)) return {};
   return {NativeType::uint32, NativeType::uint32};
 }
@@ -56,12 +57,12 @@ void write_ply(Table table, const Writing& writing, Output& out) {
   });
   const FaceTypes types = face_types(table);
   write_rows(out, table.faces.ends.size(), [&](std::size_t face, std::string& buffer) {
-    const std::uint64_t begin = face == 0 ? 0 : table.faces.ends[face - 1], end = table.faces.ends[face];
+    const std::span<const std::uint32_t> corners = table.faces.corners_of(face);
     PlyEmitter emitter(buffer, writing.encoding);
-    emitter.put(static_cast<double>(end - begin), types.count);
-    for (std::uint64_t c = begin; c < end; ++c) emitter.put(table.faces.corners[c], types.corner);
+    emitter.put(static_cast<double>(corners.size()), types.count);
+    for (const std::uint32_t corner : corners) emitter.put(corner, types.corner);
     if (!table.faces.texture.empty()) {
-      const auto texture = std::span(table.faces.texture).subspan(2 * begin, 2 * (end - begin));
+      const auto texture = std::span(table.faces.texture).subspan(2 * table.faces.begin_of(face), 2 * corners.size());
       const bool has_none = std::ranges::all_of(texture, [](float value) { return std::isnan(value); });
       emitter.put(has_none ? 0.0 : static_cast<double>(texture.size()), types.count);
       if (!has_none)

@@ -194,11 +194,9 @@ Moves Source::moves(std::uint64_t first, std::vector<Position> own, const io::Ed
 }
 
 std::filesystem::path io::companion_of(const Source& source, const std::string& extension) {
-  std::string capitals = extension;
-  std::ranges::transform(capitals, capitals.begin(), [](char c) { return c >= 'a' && c <= 'z' ? char(c - 32) : c; });
   std::filesystem::path path = platform::path_of(source.name());
   std::error_code ignored;
-  for (const std::string& spelled : {extension, capitals})
+  for (const std::string& spelled : {extension, io::upper_case(extension)})
     if (std::filesystem::exists(path.replace_extension(spelled), ignored)) return path;
   return {};
 }

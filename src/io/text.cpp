@@ -152,6 +152,13 @@ std::string lower_case(std::string_view word) {
   return lower;
 }
 
+std::string upper_case(std::string_view word) {
+  std::string upper(word);
+  for (char& c : upper)
+    if (c >= 'a' && c <= 'z') c = static_cast<char>(c - 'a' + 'A');
+  return upper;
+}
+
 namespace {
 
 // What C libraries of Microsoft print, "1.#QNAN", "-1.#IND00", "1.#INF", and what stands for a missing number.

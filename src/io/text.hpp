@@ -66,6 +66,7 @@ bool next_line(std::string_view& text, std::string_view& line, char line_end = '
 
 std::vector<std::string_view> words_of(std::string_view line, char separator = ' ');
 std::string lower_case(std::string_view word);
+std::string upper_case(std::string_view word);
 
 /// The number that the whole word spells ("1", "-.5", "+1e-3", "nan", "inf", "1.#QNAN" of old C libraries, "NA"), or
 /// nothing.

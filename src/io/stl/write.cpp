@@ -14,16 +14,14 @@ using Triangle = std::array<Position, 3>;
 // The triangles of all faces that have a place: those with an invalid corner have none.
 std::vector<Triangle> triangles_of(const Table& table) {
   std::vector<Triangle> result;
-  std::uint64_t begin = 0;
-  for (const std::uint64_t end : table.faces.ends) {
-    const auto at = [&](std::uint64_t c) { return table.positions[table.faces.corners[c]]; };
-    for (std::uint64_t c = begin + 2; c < end; ++c) {
-      const Triangle corners{at(begin), at(c - 1), at(c)};
-      if (std::all_of(corners.begin(), corners.end(),
-                      [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); }))
-        result.push_back(corners);
+  for (std::size_t face = 0; face < table.faces.ends.size(); ++face) {
+    const std::span<const std::uint32_t> corners = table.faces.corners_of(face);
+    for (std::size_t c = 2; c < corners.size(); ++c) {
+      const Triangle triangle{table.positions[corners[0]], table.positions[corners[c - 1]],
+                              table.positions[corners[c]]};
+      if (std::ranges::all_of(triangle, [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); }))
+        result.push_back(triangle);
     }
-    begin = end;
   }
   return result;
 }
