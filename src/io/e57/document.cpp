@@ -86,8 +86,7 @@ class Parser {
       fail(name_,
            "scan " + std::to_string(index) + " has neither cartesian nor spherical coordinates; choose another file");
     const char* const state = scan.cartesian ? "cartesianInvalidState" : "sphericalInvalidState";
-    const auto named = [&](const Field& field) { return field.name == state; };
-    const auto found = std::find_if(scan.fields.begin(), scan.fields.end(), named);
+    const auto found = std::ranges::find(scan.fields, state, &Field::name);
     if (found != scan.fields.end()) scan.invalid_state = static_cast<std::size_t>(found - scan.fields.begin());
     return scan;
   }

@@ -81,6 +81,15 @@ void read_values(std::string_view file, const ScanPoints& scan, std::size_t inde
   }
 }
 
+void read_coordinates(std::string_view file, const ScanPoints& scan, std::uint64_t first, std::span<Position> out) {
+  thread_local std::vector<double> values;
+  values.resize(out.size());
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    read_values(file, scan, scan.coordinates()[axis], first, values);
+    for (std::size_t i = 0; i < out.size(); ++i) out[i][axis] = values[i];
+  }
+}
+
 Position from_spherical(const Position& s) {
   const double flat = s[0] * portable::cos(s[2]);
   return {flat * portable::cos(s[1]), flat * portable::sin(s[1]), s[0] * portable::sin(s[2])};
@@ -121,8 +130,7 @@ void E57Source::find_columns() {
       const Field& field = scan.fields[f];
       const bool coordinate = field.name.starts_with("cartesian") || field.name.starts_with("spherical");
       if (field.kind == Field::Kind::other || (coordinate && !field.name.ends_with("InvalidState"))) continue;
-      const auto same =
-          std::find_if(columns_.begin(), columns_.end(), [&](const Column& c) { return c.name == name_of(field); });
+      const auto same = std::ranges::find(columns_, name_of(field), &Column::name);
       if (same == columns_.end()) {
         columns_.push_back({name_of(field), type_of(field), 1, false, field.scaled});
       } else if (same->type != type_of(field)) {
@@ -134,17 +142,14 @@ void E57Source::find_columns() {
 }
 
 void E57Source::read_positions(const ScanPoints& scan, std::uint64_t first, std::span<Position> out) const {
-  thread_local std::vector<double> values;
-  values.resize(out.size());
-  for (std::size_t axis = 0; axis < 3; ++axis) {
-    read_values(bytes(), scan, scan.coordinates()[axis], first, values);
-    for (std::size_t i = 0; i < out.size(); ++i) out[i][axis] = values[i];
-  }
+  read_coordinates(bytes(), scan, first, out);
   for (Position& position : out) {
     if (!scan.cartesian) position = from_spherical(position);
     if (!scan.pose.is_identity) position = turned(scan.pose, position);
   }
   if (!scan.invalid_state) return;
+  thread_local std::vector<double> values;
+  values.resize(out.size());
   read_values(bytes(), scan, *scan.invalid_state, first, values);
   for (std::size_t i = 0; i < out.size(); ++i)
     if (values[i] != 0) out[i].fill(std::numeric_limits<double>::quiet_NaN());
@@ -161,8 +166,7 @@ void E57Source::extract_block(std::size_t index, std::size_t number, std::span<c
   const ScanPoints& scan = scans_[block.scan];
   // What a scan does not have is not a number, or 0.
   std::vector<double> values(static_cast<std::size_t>(block.count), std::numeric_limits<double>::quiet_NaN());
-  const auto field =
-      std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& f) { return name_of(f) == column.name; });
+  const auto field = std::ranges::find(scan.fields, column.name, name_of);
   if (field != scan.fields.end()) {
     read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
   } else if (column.name == kScanColumn) {

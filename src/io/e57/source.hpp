@@ -27,6 +27,9 @@ double value_of(const Field& field, std::uint64_t bits);
 void read_values(std::string_view file, const ScanPoints& scan, std::size_t field, std::uint64_t first,
                  std::span<double> out);
 
+/// The coordinates of records from `first` on as the scan has them: x, y, z, or range, azimuth and elevation.
+void read_coordinates(std::string_view file, const ScanPoints& scan, std::uint64_t first, std::span<Position> out);
+
 /// x, y, z of range, azimuth and elevation, and back; the azimuth within half a turn of `near`.
 Position from_spherical(const Position& spherical);
 Position to_spherical(const Position& position, double near);

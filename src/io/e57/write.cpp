@@ -203,9 +203,9 @@ class E57Writer {
     const Moves moves = source_.moves(scan.first_point + first, own, edits_);
     Moved moved;
     moved.changed = moves.changed;
-    std::vector<Position> local = local_coordinates(scan, first, count);
-    moved.cartesian = local;
-    if (!scan.cartesian) std::transform(local.begin(), local.end(), moved.cartesian.begin(), from_spherical);
+    moved.cartesian.resize(count);
+    read_coordinates(file_, scan, first, moved.cartesian);
+    if (!scan.cartesian) std::ranges::transform(moved.cartesian, moved.cartesian.begin(), from_spherical);
     std::vector<double> azimuths(count);
     if (scan.spherical) {
       moved.spherical.resize(count);
@@ -231,16 +231,6 @@ class E57Writer {
       position[axis] = value_of(field, bits_of(field, position[axis]));
     }
     return position;
-  }
-
-  std::vector<Position> local_coordinates(const ScanPoints& scan, std::uint64_t first, std::size_t count) const {
-    std::vector<Position> result(count);
-    std::vector<double> values(count);
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      read_values(file_, scan, scan.coordinates()[axis], first, values);
-      for (std::size_t i = 0; i < count; ++i) result[i][axis] = values[i];
-    }
-    return result;
   }
 
   const E57Source& source_;
