@@ -146,9 +146,12 @@ Format family(Format format) {
   return format == Format::txt ? Format::xyz : format == Format::laz ? Format::las : format;
 }
 
+bool is_of(const Cloud& cloud, Format format) {
+  return cloud.source && family(cloud.source->format()) == family(format);
+}
+
 bool is_copied(const Cloud& cloud, Format format, std::optional<Encoding> encoding) {
-  if (!cloud.source || family(cloud.source->format()) != family(format) || !cloud.source->holds_its_positions())
-    return false;
+  if (!is_of(cloud, format) || !cloud.source->holds_its_positions()) return false;
   if (format == Format::stl) return !encoding || *encoding == cloud.source->encoding();
   return format != Format::npy || make_edits(cloud, {}).added.empty();
 }

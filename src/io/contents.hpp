@@ -64,6 +64,8 @@ Keeps keeps(Format format, ContentKind kind);
 bool is_copied(const Cloud& cloud, Format format, std::optional<Encoding> encoding = {});
 /// Formats that are one: plain columns of numbers may go by either name, and LAZ is compressed LAS.
 Format family(Format format);
+/// Whether the cloud's file has this format, or one of its family.
+bool is_of(const Cloud& cloud, Format format);
 
 }  // namespace io
 }  // namespace pointfair

@@ -59,8 +59,7 @@ struct Plan {
 // By way of a LAS file, so that what one keeps, such as the coordinate system, is kept.
 void write_octree(const Plan& plan, const Cloud& cloud, io::Output& out) {
   io::MemoryOutput las;
-  const bool is_las = cloud.source && io::family(cloud.source->format()) == Format::las;
-  if (is_las && cloud.source->holds_its_positions()) {
+  if (io::is_of(cloud, Format::las) && cloud.source->holds_its_positions()) {
     cloud.source->write(plan.edits, Encoding::binary, las);
   } else {
     io::write_las(io::make_table(cloud), {Format::las, Encoding::binary, plan.edits.las_scale}, las);
@@ -82,8 +81,7 @@ void check_new(const Cloud& cloud, Format format) {
 }
 
 Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, std::optional<double> las_scale) {
-  const bool same = cloud.source && io::family(cloud.source->format()) == io::family(format);
-  const bool keeps = same && has_encoding(format, cloud.source->encoding());
+  const bool keeps = io::is_of(cloud, format) && has_encoding(format, cloud.source->encoding());
   const bool copy = io::is_copied(cloud, format, encoding);
   if (format == Format::glb) refuse("glTF files are read, not written; choose PLY, OBJ or STL");
   if (!copy) check_new(cloud, format);
@@ -91,8 +89,7 @@ Plan plan(const Cloud& cloud, Format format, std::optional<Encoding> encoding, s
                     io::make_edits(cloud, las_scale)};
   if (las_scale && io::family(format) != Format::las && format != Format::copc)
     refuse("only LAS and LAZ files have a scale; leave it out");
-  const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
-  const bool is_edited = copy || (format == Format::copc && is_of_las);
+  const bool is_edited = copy || (format == Format::copc && io::is_of(cloud, Format::las));
   if (las_scale && is_edited) cloud.source->check_las_scale(*las_scale);
   if (!has_encoding(format, result.encoding)) refuse_encoding(format);
   for (const io::Replacement& replacement : result.edits.replaced) {
@@ -150,8 +147,7 @@ void write_all(const Plan& plan, const Cloud& cloud, const std::filesystem::path
 
 void check_write(const std::filesystem::path& path, const Cloud& cloud, const WriteOptions& options) {
   const Plan chosen = plan(path, cloud, options);
-  const bool is_new_octree =
-      chosen.format == Format::copc && !(cloud.source && io::family(cloud.source->format()) == Format::las);
+  const bool is_new_octree = chosen.format == Format::copc && !io::is_of(cloud, Format::las);
   if (is_new_octree || (!chosen.copy && io::family(chosen.format) == Format::las))
     io::check_new_las(cloud, options.las_scale);
   for (const auto& [from, to] : companions(chosen, cloud, path)) {

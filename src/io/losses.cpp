@@ -136,7 +136,7 @@ void tell_cut(const std::vector<Attribute>& added, std::vector<Content>& lost) {
 }
 
 void tell_renamed(const Cloud& cloud, Format format, std::vector<Content>& lost) {
-  const bool is_of_las = cloud.source && io::family(cloud.source->format()) == Format::las;
+  const bool is_of_las = io::is_of(cloud, Format::las);
   std::vector<std::string> names;
   if (format == Format::pcd) names = io::renamed_in_new_pcd(cloud);
   if (format == Format::e57) names = io::renamed_in_new_e57(cloud);
@@ -153,8 +153,8 @@ std::vector<Content> lost_of_new(const Cloud& cloud, Format format) {
     const bool is_ptx_intensity =
         format == Format::ptx && content.kind == ContentKind::numbers && content.what == "intensity";
     // the octree is written by way of LAS
-    const bool is_las_record = format == Format::copc && content.kind == ContentKind::records && cloud.source &&
-                               io::family(cloud.source->format()) == Format::las;
+    const bool is_las_record =
+        format == Format::copc && content.kind == ContentKind::records && io::is_of(cloud, Format::las);
     return is_ptx_intensity || is_las_record || io::keeps(format, content.kind) == Keeps::kept;
   });
   tell_texture_of_points(cloud, format, lost);
@@ -199,7 +199,7 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   if (!cloud.source && !format) return {};
   const Format to = format ? *format : cloud.source->format();
   std::vector<std::string> result;
-  const bool is_own = cloud.source && io::family(cloud.source->format()) == io::family(to);
+  const bool is_own = io::is_of(cloud, to);
   if (is_own) result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
   const bool copied = io::is_copied(cloud, to, encoding);
   const std::vector<Content> lost = copied ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
