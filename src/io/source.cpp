@@ -113,19 +113,13 @@ void Source::fail_at(const char* place, const std::string& message) const {
 }
 
 void Source::extract(std::size_t index, std::span<char> out) const {
-  const std::size_t size = io::column_bytes(columns()[index]);
-  io::for_each_block(block_count(), [&](std::size_t block) {
-    extract_block(index, block,
-                  out.subspan(static_cast<std::size_t>(block_begin(block)) * size, block_size(block) * size));
-  });
+  std::vector<std::span<char>> places(columns().size());
+  places[index] = out;
+  extract_several(places);
 }
 
 void Source::extract_several(std::span<const std::span<char>> out) const {
-  const auto is_wanted = [](std::span<char> place) { return !place.empty(); };
-  const auto first = std::find_if(out.begin(), out.end(), is_wanted);
-  if (first == out.end()) return;
-  if (std::count_if(first, out.end(), is_wanted) == 1)
-    return extract(static_cast<std::size_t>(first - out.begin()), *first);
+  if (std::ranges::all_of(out, [](std::span<char> place) { return place.empty(); })) return;
   const std::vector<io::Column> all = columns();
   io::for_each_block(block_count(), [&](std::size_t block) {
     std::vector<std::span<char>> of_block;
