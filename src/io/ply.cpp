@@ -126,7 +126,9 @@ class PlySource : public Base {
       PlyEmitter emitter(buffer, encoding, file_.header.line_end);
       for (std::size_t i = 0; i < moves.values.size(); ++i) {
         const std::size_t begin = buffer.size();
-        transcode_point(cursor, first + i, moves.values[i], edits.replaced, emitter);
+        copy_row(cursor, file_.vertex(), emitter, [&](std::size_t p) {
+          return put_value(cursor, p, first + i, moves.values[i], edits.replaced, emitter);
+        });
         for_each_value(edits.added, first + i,
                        [&](const char* value, NativeType type) { emitter.put(load_double(value, type, false), type); });
         emitter.end_row();
@@ -135,28 +137,16 @@ class PlySource : public Base {
     });
   }
 
-  void transcode_point(PlyCursor& cursor, std::uint64_t point, const Position& position,
-                       const std::vector<Replacement>& replaced, PlyEmitter& emitter) const {
-    const auto& properties = file_.vertex().properties;
-    cursor.begin_row();
-    for (std::size_t p = 0; p < properties.size(); ++p) {
-      const PlyProperty& property = properties[p];
-      std::uint64_t count = 1;
-      if (property.list_count) {
-        count = cursor.next_list_size(property);
-        emitter.put(static_cast<double>(count), *property.list_count);
-      }
-      for (; count > 0; --count) {
-        const auto axis = static_cast<std::size_t>(std::find(xyz_.begin(), xyz_.end(), p) - xyz_.begin());
-        const Replacement* const other = this->find_replacement(replaced, p);
-        if (axis == 3 && !other) {
-          copy_value(cursor, property.type, emitter);
-          continue;
-        }
-        cursor.next(property.type);
-        emitter.put(axis < 3 ? position[axis] : other->value(point, 0), property.type);
-      }
-    }
+  // Puts a coordinate or new value of a property at a point; false: the file's own stays.
+  bool put_value(PlyCursor& cursor, std::size_t property, std::uint64_t point, const Position& position,
+                 const std::vector<Replacement>& replaced, PlyEmitter& emitter) const {
+    const auto axis = static_cast<std::size_t>(std::ranges::find(xyz_, property) - xyz_.begin());
+    const Replacement* const other = this->find_replacement(replaced, property);
+    if (axis == 3 && !other) return false;
+    const NativeType type = file_.vertex().properties[property].type;
+    cursor.next(type);
+    emitter.put(axis < 3 ? position[axis] : other->value(point, 0), type);
+    return true;
   }
 
   std::size_t point_begin(std::uint64_t point) const {
@@ -194,19 +184,17 @@ std::size_t walk_lists(std::string_view bytes, std::size_t at, const PlyHeader& 
   const std::uint64_t room = (bytes.size() - at) / least;
   if (element.count > room) fail_short(name, element, room);
   if (starts) starts->reserve(static_cast<std::size_t>(element.count + 1));
+  PlyCursor cursor(bytes, at, header, false, name);
   for (std::uint64_t row = 0; row < element.count; ++row) {
-    if (starts) starts->push_back(at - begin);
-    for (const PlyProperty& property : element.properties) {
-      const RecordField field{{property.name, property.type}, 0, 0, property.list_count};
-      const std::string_view rest = bytes.substr(at);
-      const auto size = property.list_count ? list_bytes(rest, field, must_swap(header.encoding))
-                                            : std::optional(size_of(property.type));
-      if (!size || *size > rest.size()) fail_short(name, element, row);
-      at += *size;
+    if (starts) starts->push_back(cursor.position() - begin);
+    try {
+      for (const PlyProperty& property : element.properties) cursor.skip(property);
+    } catch (const Error&) {
+      fail_short(name, element, row);
     }
   }
-  if (starts) starts->push_back(at - begin);
-  return at;
+  if (starts) starts->push_back(cursor.position() - begin);
+  return cursor.position();
 }
 
 std::shared_ptr<Source> read_binary(FileBytes bytes, PlyFile file, const std::string& name) {

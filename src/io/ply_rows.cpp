@@ -75,34 +75,18 @@ void PlyRows::for_pieces(std::size_t element, Encoding encoding, const Take& tak
     std::uint64_t rows = 0;
     for (std::uint64_t row = first; row < std::min(count, first + kRows); ++row) {
       const std::size_t begin = text.size();
-      const bool stays = copy_row(cursor, element, emitter);
+      bool stays = true;
+      copy_row(cursor, file_.header.elements[element], emitter, [&](std::size_t p) {
+        if (now_.empty() || !names_a_point_[element][p]) return false;
+        stays = copy_point(cursor, element, file_.header.elements[element].properties[p].type, emitter) && stays;
+        return true;
+      });
       emitter.end_row();
       rows += stays;
       if (!stays) text.resize(begin);
     }
     take(rows, text);
   }
-}
-
-// Whether the row stays.
-bool PlyRows::copy_row(PlyCursor& cursor, std::size_t element, PlyEmitter& emitter) const {
-  bool stays = true;
-  cursor.begin_row();
-  const auto& properties = file_.header.elements[element].properties;
-  for (std::size_t p = 0; p < properties.size(); ++p) {
-    std::uint64_t count = 1;
-    if (properties[p].list_count) {
-      count = cursor.next_list_size(properties[p]);
-      emitter.put(static_cast<double>(count), *properties[p].list_count);
-    }
-    for (; count > 0; --count) {
-      if (now_.empty() || !names_a_point_[element][p])
-        copy_value(cursor, properties[p].type, emitter);
-      else
-        stays = copy_point(cursor, element, properties[p].type, emitter) && stays;
-    }
-  }
-  return stays;
 }
 
 // Whether the point is left.

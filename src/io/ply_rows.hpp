@@ -20,6 +20,22 @@ bool can_lose_points(const PlyFile& file);
 /// Copies one value, with all its digits.
 void copy_value(PlyCursor& cursor, NativeType type, PlyEmitter& emitter);
 
+/// Copies one row, but values for which replace(property) is true: it has put another one.
+template <class Replace>
+void copy_row(PlyCursor& cursor, const PlyElement& element, PlyEmitter& emitter, const Replace& replace) {
+  cursor.begin_row();
+  for (std::size_t p = 0; p < element.properties.size(); ++p) {
+    const PlyProperty& property = element.properties[p];
+    std::uint64_t count = 1;
+    if (property.list_count) {
+      count = cursor.next_list_size(property);
+      emitter.put(static_cast<double>(count), *property.list_count);
+    }
+    for (; count > 0; --count)
+      if (!replace(p)) copy_value(cursor, property.type, emitter);
+  }
+}
+
 class PlyRows {
  public:
   /// Without the points of which `removed` is not 0; empty: with all. Then takes 4 bytes a point.
@@ -34,7 +50,6 @@ class PlyRows {
  private:
   template <class Take>
   void for_pieces(std::size_t element, Encoding encoding, const Take& take) const;
-  bool copy_row(PlyCursor& cursor, std::size_t element, PlyEmitter& emitter) const;
   bool copy_point(PlyCursor& cursor, std::size_t element, NativeType type, PlyEmitter& emitter) const;
 
   const PlyFile& file_;

@@ -12,16 +12,14 @@ namespace {
 
 constexpr std::uint64_t kBlock = 4096;
 
-}  // namespace
-
-std::optional<std::size_t> list_bytes(std::string_view available, const RecordField& field, bool swap) {
-  const std::size_t count_size = size_of(*field.list_count);
-  if (available.size() < count_size) return std::nullopt;
-  const double count = load_double(available.data(), *field.list_count, swap);
-  const double room = static_cast<double>((available.size() - count_size) / size_of(field.type));
-  if (!(count >= 0 && count <= room)) return std::nullopt;
-  return count_size + static_cast<std::size_t>(count) * size_of(field.type);
+// Of a field in a record that was walked along before.
+std::size_t bytes_of(const RecordField& field, const char* at, bool swap) {
+  if (!field.list_count) return column_bytes(field);
+  return size_of(*field.list_count) +
+         static_cast<std::size_t>(load_double(at, *field.list_count, swap)) * size_of(field.type);
 }
+
+}  // namespace
 
 void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, std::string& to) {
   for_each_value(added, point, [&](const char* value, NativeType type) {
@@ -71,10 +69,7 @@ std::size_t RecordSource::locate(std::uint64_t point, std::size_t field) const {
   if (layout_.starts.empty())
     return layout_.fields[field].offset + static_cast<std::size_t>(point) * layout_.fields[field].stride;
   std::size_t at = record_begin(point);
-  for (std::size_t f = 0; f < field; ++f) {
-    const RecordField& before = layout_.fields[f];
-    at += before.list_count ? list_bytes(points_.substr(at), before, layout_.swap).value() : column_bytes(before);
-  }
+  for (std::size_t f = 0; f < field; ++f) at += bytes_of(layout_.fields[f], points_.data() + at, layout_.swap);
   return at;
 }
 

@@ -73,7 +73,4 @@ void append_added(const AddedAttributes& added, std::uint64_t point, bool swap, 
 /// Takes records of `size` bytes out of `data`, which holds one for each of `removed` from `begin` on, and ends there.
 void take_out_records(std::span<const std::uint8_t> removed, std::size_t size, std::size_t begin, std::string& data);
 
-/// Bytes from the start of a list's count to behind its last value; nothing if `available` does not hold them.
-std::optional<std::size_t> list_bytes(std::string_view available, const RecordField& field, bool swap);
-
 }  // namespace pointfair::io
