@@ -31,11 +31,6 @@ std::optional<std::size_t> axis_of(const std::string& name) {
   return static_cast<std::size_t>(axis - kAxes.begin());
 }
 
-double get(const Attribute& attribute, std::size_t place) {
-  const auto* const from = reinterpret_cast<const char*>(attribute.data.data());
-  return io::load_double(from + place * size_of(attribute.type), io::native(attribute.type), false);
-}
-
 void put(Attribute& attribute, std::size_t place, float value) {
   auto* const to = reinterpret_cast<char*>(attribute.data.data());
   io::store_double(to + place * size_of(attribute.type), io::native(attribute.type), false, value);
@@ -51,7 +46,9 @@ Attribute zeros(const std::string& name, std::uint32_t components, std::size_t f
 Attribute as_floats(Attribute from) {
   if (from.type == ScalarType::float32 || from.type == ScalarType::float64) return from;
   Attribute floats = zeros(from.name, from.components, from.data.size() / size_of(from.type));
-  for (std::size_t i = 0; i < floats.data.size() / sizeof(float); ++i) put(floats, i, static_cast<float>(get(from, i)));
+  from.components = 1;  // one value after the other
+  for (std::size_t i = 0; i < floats.data.size() / sizeof(float); ++i)
+    put(floats, i, static_cast<float>(value_at(from, i)));
   return floats;
 }
 
@@ -65,8 +62,9 @@ class Holder {
 
   std::array<double, 3> at(std::size_t point) const {
     std::array<double, 3> normal{};
-    for (std::size_t axis = 0; axis < 3; ++axis)
-      normal[axis] = attributes_.size() == 1 ? get(attributes_[0], 3 * point + axis) : get(attributes_[axis], point);
+    for (std::uint32_t axis = 0; axis < 3; ++axis)
+      normal[axis] =
+          attributes_.size() == 1 ? value_at(attributes_[0], point, axis) : value_at(attributes_[axis], point);
     return normal;
   }
   void set(std::size_t point, const std::array<float, 3>& normal) {

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstring>
 #include <memory>
+#include <ranges>
 #include <utility>
 
 #include "io/source.hpp"
@@ -38,7 +39,10 @@ class PointsOfSource final : public Source {
   void for_blocks(std::span<T> out, const Get& get) const {
     if (count_ == 0) return;
     const std::size_t of_point = out.size() / count_;
-    for (std::size_t block = block_of(first_); whole_->block_begin(block) < first_ + count_; ++block) {
+    const auto ends_before = [&](std::size_t block) { return whole_->block_begin(block + 1) <= first_; };
+    const auto blocks = std::views::iota(std::size_t{0}, whole_->block_count());
+    for (std::size_t block = *std::ranges::partition_point(blocks, ends_before);
+         whole_->block_begin(block) < first_ + count_; ++block) {
       const std::uint64_t begin = whole_->block_begin(block), end = whole_->block_begin(block + 1);
       const std::uint64_t from = std::max(begin, first_), to = std::min(end, first_ + count_);
       const std::span<T> its = out.subspan((from - first_) * of_point, (to - from) * of_point);
@@ -50,14 +54,6 @@ class PointsOfSource final : public Source {
       get(block, std::span(all));
       std::copy_n(all.begin() + std::ptrdiff_t((from - begin) * of_point), its.size(), its.begin());
     }
-  }
-  std::size_t block_of(std::uint64_t point) const {
-    std::size_t low = 0, high = whole_->block_count();
-    while (high - low > 1) {
-      const std::size_t middle = (low + high) / 2;
-      (whole_->block_begin(middle) <= point ? low : high) = middle;
-    }
-    return low;
   }
 
   std::shared_ptr<const Source> whole_;

@@ -2,7 +2,6 @@
 #include "io/gltf/document.hpp"
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <limits>
 #include <optional>
@@ -59,23 +58,17 @@ std::size_t size_member(const Json& object, const char* key, std::size_t absent 
 }
 
 std::size_t components_of(const std::string& type) {
-  static constexpr std::array<std::pair<std::string_view, std::size_t>, 4> kShapes = {
-      {{"SCALAR", 1}, {"VEC2", 2}, {"VEC3", 3}, {"VEC4", 4}}};
-  for (const auto& [name, components] : kShapes)
-    if (type == name) return components;
-  throw std::out_of_range("type");
+  constexpr std::string_view kShapes[] = {"SCALAR", "VEC2", "VEC3", "VEC4"};
+  const auto its = std::ranges::find(kShapes, type);
+  if (its == std::end(kShapes)) throw std::out_of_range("type");
+  return static_cast<std::size_t>(its - std::begin(kShapes)) + 1;
 }
 
 NativeType type_of(std::size_t component_type) {
-  static constexpr std::array<std::pair<std::size_t, NativeType>, 6> kTypes = {{{5120, NativeType::int8},
-                                                                                {5121, NativeType::uint8},
-                                                                                {5122, NativeType::int16},
-                                                                                {5123, NativeType::uint16},
-                                                                                {5125, NativeType::uint32},
-                                                                                {5126, NativeType::float32}}};
-  for (const auto& [number, type] : kTypes)
-    if (component_type == number) return type;
-  throw std::out_of_range("componentType");
+  constexpr std::size_t kFirst = 5120, kInt = 5124, kLast = 5126;  // in the order of NativeType; int is not allowed
+  if (component_type < kFirst || component_type > kLast || component_type == kInt)
+    throw std::out_of_range("componentType");
+  return static_cast<NativeType>(component_type - kFirst);
 }
 
 }  // namespace

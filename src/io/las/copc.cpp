@@ -22,21 +22,10 @@ constexpr unsigned kWaveDescriptors[] = {100, 355};
 
 // The point format that COPC allows and that holds all fields of this one.
 unsigned copc_format(unsigned format) {
-  switch (format) {
-    case 0:
-    case 1:
-    case 6:
-      return 6;
-    case 2:
-    case 3:
-    case 7:
-      return 7;
-    case 8:
-      return 8;
-    default:
-      throw Error(ErrorKind::usage,
-                  "COPC files have no place for wave packets (point format " + std::to_string(format) + "); write LAZ");
-  }
+  constexpr unsigned kFormats[] = {6, 6, 7, 7, 0, 0, 6, 7, 8};
+  if (format < std::size(kFormats) && kFormats[format] != 0) return kFormats[format];
+  throw Error(ErrorKind::usage,
+              "COPC files have no place for wave packets (point format " + std::to_string(format) + "); write LAZ");
 }
 
 // A record of the formats 0 to 3 as one of 6 or 7, whose bytes are zero.

@@ -2,7 +2,6 @@
 // The format is that of numpy.lib.format, versions 1.0 to 3.0.
 #include "io/npy/header.hpp"
 
-#include <array>
 #include <utility>
 
 #include "io/file_bytes.hpp"
@@ -14,17 +13,11 @@ namespace {
 constexpr std::string_view kMagic("\x93NUMPY", 6);
 constexpr std::uint64_t kMostValues = std::uint64_t{1} << 40;  // of a shape, so that products do not overflow
 
-constexpr std::array<std::pair<std::string_view, NativeType>, 11> kTypes = {{{"b1", NativeType::uint8},
-                                                                             {"i1", NativeType::int8},
-                                                                             {"u1", NativeType::uint8},
-                                                                             {"i2", NativeType::int16},
-                                                                             {"u2", NativeType::uint16},
-                                                                             {"i4", NativeType::int32},
-                                                                             {"u4", NativeType::uint32},
-                                                                             {"f4", NativeType::float32},
-                                                                             {"f8", NativeType::float64},
-                                                                             {"i8", NativeType::int64},
-                                                                             {"u8", NativeType::uint64}}};
+constexpr std::string_view kBool = "b1";
+constexpr std::pair<std::string_view, NativeType> kTypes[] = {
+    {kBool, NativeType::uint8},  {"i1", NativeType::int8},  {"u1", NativeType::uint8},  {"i2", NativeType::int16},
+    {"u2", NativeType::uint16},  {"i4", NativeType::int32}, {"u4", NativeType::uint32}, {"f4", NativeType::float32},
+    {"f8", NativeType::float64}, {"i8", NativeType::int64}, {"u8", NativeType::uint64}};
 
 // Reads the Python literals that such a header consists of.
 class Literals {
@@ -186,14 +179,11 @@ class Literals {
 };
 
 std::string type_text(const Field& field) {
-  for (auto row = kTypes.rbegin(); row != kTypes.rend(); ++row) {
-    if (row->second != field.type) continue;
-    const char* const order = size_of(row->second) == 1 ? "|" : field.big_endian ? ">" : "<";
-    std::string text = "'";
-    text.append(order).append(row->first);
-    return text + "'";
-  }
-  return {};
+  const auto& [word, type] = *std::find_if(std::begin(kTypes), std::end(kTypes), [&](const auto& row) {
+    return row.second == field.type && row.first != kBool;
+  });
+  const std::string order = size_of(type) == 1 ? "|" : field.big_endian ? ">" : "<";
+  return "'" + order + std::string(word) + "'";
 }
 
 // Padded so that the values begin at a multiple of 64 bytes.
