@@ -180,8 +180,7 @@ class PcdSource : public Base {
     std::atomic<bool> moved{false};
     for_each_block(this->block_count(), [&](std::size_t block) {
       const Moves moves = this->moves(block, edits);
-      const bool same = std::all_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t c) { return c == 0; });
-      if (same && edits.replaced.empty()) return;
+      if (moves.are_none() && edits.replaced.empty()) return;
       moved = true;
       this->patch(block, moves, edits.replaced, data.data(), 0, 0);
     });

@@ -3,6 +3,7 @@
 // Writing to the same format copies the bytes and patches the coordinates that moved.
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <filesystem>
@@ -55,6 +56,10 @@ inline std::size_t column_bytes(const Column& column) { return column.components
 struct Moves {
   std::vector<Position> values;       ///< the file's own, or the moved ones
   std::vector<std::uint8_t> changed;  ///< bit a: coordinate a moved
+
+  bool are_none() const {
+    return std::ranges::all_of(changed, [](std::uint8_t axes) { return axes == 0; });
+  }
 };
 
 /// Immutable once `place` was called. Points come in blocks, runs of consecutive points, the unit of parallel work.

@@ -135,11 +135,8 @@ class LasWriter {
 
   bool changes_nothing() const {
     if (edits_.changes_attributes() || is_refined() || removes_) return false;
-    for (std::size_t block = 0; block < source_.block_count(); ++block) {
-      const Moves moves = source_.moves(block, edits_);
-      if (std::any_of(moves.changed.begin(), moves.changed.end(), [](std::uint8_t axes) { return axes != 0; }))
-        return false;
-    }
+    for (std::size_t block = 0; block < source_.block_count(); ++block)
+      if (!source_.moves(block, edits_).are_none()) return false;
     return true;
   }
 
