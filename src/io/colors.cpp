@@ -76,8 +76,7 @@ void use_color_depth(Table& table, ColorDepth depth) {
   const bool wide = depth == ColorDepth::sixteen_bits && range.fine;
   const ByteColors colors = colors_as_bytes(table);
   for (std::size_t c = 0; c < 3; ++c) {
-    auto& column = *std::find_if(table.columns.begin(), table.columns.end(),
-                                 [&](const TableColumn& candidate) { return candidate.name == kChannels[c]; });
+    TableColumn& column = *std::ranges::find(table.columns, kChannels[c], &TableColumn::name);
     change_values(column, wide ? NativeType::uint16 : NativeType::uint8, [&](std::size_t i, double value) {
       if (!wide) return static_cast<double>(colors.values[i][c]);
       return colors.has(i) ? 257 * range.factor * value : 65535.0;

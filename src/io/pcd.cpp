@@ -127,7 +127,8 @@ class PcdSource : public Base {
       if (edits.removed.empty()) return write_as(edits.cloud, encoding, out);
       MemoryOutput left;
       write(edits, this->encoding(), left);
-      return write_file_as(left.bytes, encoding, out);
+      const Cloud cloud = read(std::as_bytes(std::span(left.bytes)), this->name());
+      return cloud.source->write(make_edits(cloud, std::nullopt), encoding, out);
     }
     if constexpr (std::is_same_v<Base, RecordSource>) {
       if (encoding == Encoding::binary_compressed) return write_packed(edits, out);
@@ -147,12 +148,6 @@ class PcdSource : public Base {
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
     return camera_;
-  }
-
-  // Of a file of this one's format.
-  void write_file_as(std::string_view file, Encoding encoding, Output& out) const {
-    const Cloud cloud = read(std::as_bytes(std::span(file)), this->name());
-    cloud.source->write(make_edits(cloud, std::nullopt), encoding, out);
   }
 
   void write_as(const Cloud& cloud, Encoding encoding, Output& out) const {

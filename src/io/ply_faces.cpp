@@ -20,9 +20,10 @@ std::optional<FaceList> find_faces(const PlyFile& file) {
 
 bool is_texture(const PlyProperty& property) { return property.list_count && property.name == "texcoord"; }
 
-bool is_image_number(const PlyProperty& property) { return !property.list_count && property.name == "texnumber"; }
-
 namespace {
+
+// Which of the header's images lies on a face, as MeshLab writes it.
+bool is_image_number(const PlyProperty& property) { return !property.list_count && property.name == "texnumber"; }
 
 // The corners or the texture coordinates of one face.
 template <class T, class Next>

@@ -31,9 +31,6 @@ std::optional<FaceList> find_faces(const PlyFile& file);
 /// Texture coordinates of corners, as MeshLab writes them.
 bool is_texture(const PlyProperty& property);
 
-/// Which of the header's images lies on a face, as MeshLab writes it.
-bool is_image_number(const PlyProperty& property);
-
 /// Calls passed(begin, end) for the parts of the file that were read. Throws Error(file) for a corner that is no point.
 void visit_faces(const PlyFile& file, std::string_view bytes, const std::string& name, FaceVisitor& visitor,
                  const std::function<void(std::size_t, std::size_t)>& passed);

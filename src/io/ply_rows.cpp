@@ -11,22 +11,18 @@ namespace {
 
 constexpr std::uint32_t kGone = ~std::uint32_t{0};
 
-bool is_end_of_edge(const PlyElement& element, const PlyProperty& property) {
-  return element.name == "edge" && !property.list_count && (property.name == "vertex1" || property.name == "vertex2");
-}
-
-bool is_corners(const std::optional<FaceList>& faces, std::size_t element, std::size_t property) {
-  return faces && faces->element == element && faces->property == property;
-}
-
 std::vector<std::vector<bool>> find_names_of_points(const PlyFile& file) {
   const std::optional<FaceList> faces = find_faces(file);
   std::vector<std::vector<bool>> result;
   for (std::size_t e = 0; e < file.header.elements.size(); ++e) {
     const PlyElement& element = file.header.elements[e];
     std::vector<bool>& its = result.emplace_back();
-    for (std::size_t p = 0; p < element.properties.size(); ++p)
-      its.push_back(is_corners(faces, e, p) || is_end_of_edge(element, element.properties[p]));
+    for (std::size_t p = 0; p < element.properties.size(); ++p) {
+      const PlyProperty& property = element.properties[p];
+      const bool is_end = !property.list_count && (property.name == "vertex1" || property.name == "vertex2");
+      const bool is_corners = faces && faces->element == e && faces->property == p;
+      its.push_back(is_corners || (element.name == "edge" && is_end));
+    }
   }
   return result;
 }

@@ -15,18 +15,6 @@ namespace {
 
 constexpr std::size_t kRowsPerBlock = 8192;
 
-void take_positions(const Cloud& cloud, Table& table) {
-  table.positions.resize(cloud.points.size());
-  table.coordinate_type = position_type(cloud);
-  positions(cloud, table.positions);
-}
-
-std::vector<std::span<char>> places_of(std::vector<TableColumn>& columns) {
-  std::vector<std::span<char>> places;
-  for (TableColumn& column : columns) places.emplace_back(column.data);
-  return places;
-}
-
 // Splits a column into one for each component.
 void split_components(const TableColumn& column, std::vector<TableColumn>& to) {
   const std::size_t size = size_of(column.type), stride = column_bytes(column), rows = column.data.size() / stride;
@@ -61,7 +49,7 @@ bool is_unit_color(const TableColumn& column) {
 // The names of PLY, where no other column has them.
 void rename_columns(std::vector<TableColumn>& columns) {
   std::vector<std::string> names;
-  for (const TableColumn& column : columns) names.push_back(column.name);
+  std::ranges::transform(columns, std::back_inserter(names), &TableColumn::name);
   for (std::string& name : names) {
     const std::string plain = ply_name(name);
     if (std::find(names.begin(), names.end(), plain) == names.end()) name = plain;
@@ -75,7 +63,7 @@ void rename_columns(std::vector<TableColumn>& columns) {
 }  // namespace
 
 const TableColumn* Table::find(std::string_view name) const {
-  const auto found = std::find_if(columns.begin(), columns.end(), [&](const TableColumn& c) { return c.name == name; });
+  const auto found = std::ranges::find(columns, name, &TableColumn::name);
   return found == columns.end() ? nullptr : &*found;
 }
 
@@ -99,16 +87,19 @@ TableColumn zero_column(Column column, std::size_t rows) {
 
 Table make_table(const Cloud& cloud) {
   Table table;
-  take_positions(cloud, table);
+  table.positions.resize(cloud.points.size());
+  table.coordinate_type = position_type(cloud);
+  positions(cloud, table.positions);
   if (cloud.source) {
     for (const Column& its : cloud.source->columns()) table.columns.push_back(zero_column(its, table.size()));
-    cloud.source->extract_several(places_of(table.columns));
+    std::vector<std::span<char>> places;
+    for (TableColumn& column : table.columns) places.emplace_back(column.data);
+    cloud.source->extract_several(places);
     table.faces = cloud.source->faces();
   }
   for (const Attribute& attribute : cloud.added) {
     TableColumn column = column_of(attribute);
-    const auto own = std::find_if(table.columns.begin(), table.columns.end(),
-                                  [&](const TableColumn& other) { return other.name == attribute.name; });
+    const auto own = std::ranges::find(table.columns, attribute.name, &TableColumn::name);
     if (own == table.columns.end()) {
       table.columns.push_back(std::move(column));
     } else {

@@ -277,17 +277,16 @@ class NewFile {
     for (const NewField& field : fields_) {
       const bool is_intensity = field.name == "intensity", is_color = field.name.starts_with("color");
       if (!is_intensity && !is_color) continue;
-      const std::string name = is_intensity ? "intensity" : "color" + field.name.substr(5);
-      (is_intensity ? intensity : color) += limit(name, field);
+      (is_intensity ? intensity : color) += limit(field);
     }
     if (!intensity.empty()) intensity = "<intensityLimits type=\"Structure\">\n" + intensity + "</intensityLimits>\n";
     if (!color.empty()) color = "<colorLimits type=\"Structure\">\n" + color + "</colorLimits>\n";
     return intensity + color;
   }
-  std::string limit(const std::string& name, const NewField& field) const {
+  std::string limit(const NewField& field) const {
     if (is_integer(field.type))
-      return element(name + "Minimum", "Integer", std::to_string(field.minimum)) +
-             element(name + "Maximum", "Integer", std::to_string(field.maximum));
+      return element(field.name + "Minimum", "Integer", std::to_string(field.minimum)) +
+             element(field.name + "Maximum", "Integer", std::to_string(field.maximum));
     double low = std::numeric_limits<double>::infinity(), high = -low;
     for (std::size_t i = 0; i < table_.size(); ++i) {
       const double value = load_double(field.values + i * field.stride, field.type, false);
@@ -296,7 +295,8 @@ class NewFile {
       high = std::max(high, value);
     }
     if (low > high) low = high = 0;
-    return element(name + "Minimum", "Float", number(low)) + element(name + "Maximum", "Float", number(high));
+    return element(field.name + "Minimum", "Float", number(low)) +
+           element(field.name + "Maximum", "Float", number(high));
   }
 
   static std::string prototype(const NewField& field) {

@@ -104,20 +104,14 @@ class E57Writer {
       buffer.append(tail_, done, kWindow - buffer.size());
       changed = true;
     }
-    if (!tail_.empty() && begin == 0) {
-      put_header(buffer);
+    if (!tail_.empty() && begin == 0) {  // where the lengths of the file and of its XML section are
+      store_little(buffer.data() + 16, std::uint64_t{tail_begin_ + tail_.size()});
+      store_little(buffer.data() + 32, xml_length_);
       changed = true;
     }
     const std::uint64_t from = to_logical(begin), to = from + buffer.size() / kPage * kPayload;
     for (const ScanPoints& scan : source_.scans_) changed |= patch_scan(scan, from, to, buffer);
     if (changed) seal_pages(buffer);
-  }
-
-  // The lengths of the file and of its XML section.
-  void put_header(std::string& buffer) const {
-    const std::uint64_t length = tail_begin_ + tail_.size();
-    store_little(buffer.data() + 16, length);
-    store_little(buffer.data() + 32, xml_length_);
   }
 
   static std::vector<Overlap> overlaps(const std::vector<Piece>& pieces, std::uint64_t from, std::uint64_t to) {

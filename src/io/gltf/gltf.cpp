@@ -23,14 +23,10 @@ struct Transform {
   std::array<std::array<double, 4>, 3> rows{{{1, 0, 0, 0}, {0, 1, 0, 0}, {0, 0, 1, 0}}};
 
   bool operator==(const Transform&) const = default;
-  Position turned(const Position& v) const {
-    Position result;
-    for (std::size_t r = 0; r < 3; ++r) result[r] = rows[r][0] * v[0] + rows[r][1] * v[1] + rows[r][2] * v[2];
-    return result;
-  }
   Position moved(const Position& v) const {
-    Position result = turned(v);
-    for (std::size_t r = 0; r < 3; ++r) result[r] += rows[r][3];
+    Position result;
+    for (std::size_t r = 0; r < 3; ++r)
+      result[r] = rows[r][0] * v[0] + rows[r][1] * v[1] + rows[r][2] * v[2] + rows[r][3];
     return result;
   }
   Transform then(const Transform& inner) const {
