@@ -7,96 +7,79 @@
 #include <cstdint>
 
 #include "io/las/byte_coding.hpp"
-#include "io/las/grid.hpp"
 #include "io/las/integer_coder.hpp"
-#include "io/scalar.hpp"
+#include "io/las/point_item.hpp"
 
 namespace pointfair::io::las {
+
+/// The middle of the last three values.
+class MiddleOfThree {
+ public:
+  std::int32_t value() const {
+    const auto& [a, b, c] = values_;
+    return std::max(std::min(a, b), std::min(std::max(a, b), c));
+  }
+  void add(std::int32_t value) {
+    values_[turn_] = value;
+    turn_ = (turn_ + 1) % values_.size();
+  }
+
+ private:
+  std::array<std::int32_t, 3> values_{};
+  std::size_t turn_ = 0;  // which of them is replaced next
+};
 
 /// Item POINT10: the coordinates first, then what else changed.
 class FirstPointItem {
  public:
-  explicit FirstPointItem(const char* first) { std::copy_n(first, last_.size(), last_.data()); }
+  explicit FirstPointItem(const char* first) : last_(PointFields::read(first)) {}
 
   static constexpr int kSteps = 1;
 
   template <int kStep, class Coder>
   void code_step(Coder& coder, char* record) {
-    Bytes now = last_;
-    if constexpr (Coder::kWrites) std::copy_n(record, now.size(), now.data());
-    code_grid(coder, now);
+    PointFields now = Coder::kWrites ? PointFields::read(record) : last_;
+    code_grid(coder, now.grid);
     code_fields(coder, now);
     last_ = now;
-    if constexpr (!Coder::kWrites) std::copy_n(now.data(), now.size(), record);
+    if constexpr (!Coder::kWrites) now.write(record);
   }
 
  private:
-  using Bytes = std::array<char, 20>;
-  static constexpr std::size_t kIntensity = 12, kReturns = 14, kClass = 15, kAngle = 16, kUser = 17, kSource = 18;
-  static constexpr std::uint32_t kSourceBit = 1, kUserBit = 2, kAngleBit = 4, kClassBit = 8, kReturnsBit = 16,
-                                 kIntensityBit = 32, kMostContext = 19;
-
-  static std::int32_t middle(const std::array<std::int32_t, 3>& values) {
-    return std::max(std::min(values[0], values[1]), std::min(std::max(values[0], values[1]), values[2]));
-  }
+  static constexpr std::uint32_t kSource = 1, kUser = 2, kAngle = 4, kClass = 8, kReturns = 16, kIntensity = 32,
+                                 kMostContext = 19;
 
   template <class Coder>
-  void code_grid(Coder& coder, Bytes& now) {
-    code_along(coder, x_, x_steps_, 0, 0, now);
-    code_along(coder, y_, y_steps_, std::min(x_.last_size(), kMostContext), 4, now);
+  void code_grid(Coder& coder, Grid& now) {
+    code_along(coder, x_, x_steps_, last_.grid[0], now[0], 0);
+    code_along(coder, y_, y_steps_, last_.grid[1], now[1], std::min(x_.last_size(), kMostContext));
     size_ = (x_.last_size() + y_.last_size()) / 2;
-    const auto last = load_little<std::int32_t>(last_.data() + 8), wanted = load_little<std::int32_t>(now.data() + 8);
-    store_little(now.data() + 8, z_.code(coder, last, wanted, std::min(size_, kMostContext)));
-    turn_ = (turn_ + 1) % 3;
+    now[2] = z_.code(coder, last_.grid[2], now[2], std::min(size_, kMostContext));
+  }
+
+  std::uint32_t changes_of(const PointFields& now) const {
+    return (now.source != last_.source ? kSource : 0) | (now.user != last_.user ? kUser : 0) |
+           (now.angle != last_.angle ? kAngle : 0) | (now.classification != last_.classification ? kClass : 0) |
+           (now.returns != last_.returns ? kReturns : 0) | (now.intensity != last_.intensity ? kIntensity : 0);
   }
 
   template <class Coder>
-  void code_along(Coder& coder, IntegerCoder& integers, std::array<std::int32_t, 3>& steps, std::uint32_t context,
-                  std::size_t at, Bytes& now) {
-    const auto last = load_little<std::uint32_t>(&last_[at]);
-    const auto wanted = static_cast<std::int32_t>(load_little<std::uint32_t>(&now[at]) - last);
-    const std::int32_t step = integers.code(coder, middle(steps), wanted, context);
-    steps[turn_] = step;
-    store_little(&now[at], last + static_cast<std::uint32_t>(step));
-  }
-
-  std::uint32_t changes_of(const Bytes& now) const {
-    const auto differs = [&](std::size_t at, std::size_t bytes) {
-      return !std::equal(&now[at], &now[at] + bytes, &last_[at]);
-    };
-    return (differs(kSource, 2) ? kSourceBit : 0) | (differs(kUser, 1) ? kUserBit : 0) |
-           (differs(kAngle, 1) ? kAngleBit : 0) | (differs(kClass, 1) ? kClassBit : 0) |
-           (differs(kReturns, 1) ? kReturnsBit : 0) | (differs(kIntensity, 2) ? kIntensityBit : 0);
-  }
-
-  template <class Coder>
-  void code_fields(Coder& coder, Bytes& now) {
+  void code_fields(Coder& coder, PointFields& now) {
     const std::uint32_t changes = coder.code(changes_, Coder::kWrites ? changes_of(now) : 0);
-    if ((changes & kIntensityBit) != 0) code_wide(coder, intensity_, kIntensity, now);
-    if ((changes & kReturnsBit) != 0) code_after_last(coder, returns_, kReturns, now);
-    if ((changes & kClassBit) != 0) code_after_last(coder, classes_, kClass, now);
-    if ((changes & kAngleBit) != 0)
-      now[kAngle] = static_cast<char>(angle_.code(coder, byte(last_[kAngle]), byte(now[kAngle]), size_ < 3 ? 1U : 0U));
-    if ((changes & kUserBit) != 0) code_after_last(coder, users_, kUser, now);
-    if ((changes & kSourceBit) != 0) code_wide(coder, source_, kSource, now);
+    if ((changes & kIntensity) != 0)
+      now.intensity = static_cast<std::uint16_t>(intensity_.code(coder, last_.intensity, now.intensity, 0));
+    if ((changes & kReturns) != 0) now.returns = code_byte(coder, returns_.after(last_.returns), now.returns);
+    if ((changes & kClass) != 0)
+      now.classification = code_byte(coder, classes_.after(last_.classification), now.classification);
+    if ((changes & kAngle) != 0)
+      now.angle = static_cast<std::uint8_t>(angle_.code(coder, last_.angle, now.angle, size_ < 3 ? 1U : 0U));
+    if ((changes & kUser) != 0) now.user = code_byte(coder, users_.after(last_.user), now.user);
+    if ((changes & kSource) != 0)
+      now.source = static_cast<std::uint16_t>(source_.code(coder, last_.source, now.source, 0));
   }
 
-  static std::uint8_t byte(char value) { return static_cast<std::uint8_t>(value); }
-
-  template <class Coder>
-  void code_after_last(Coder& coder, ByteModels& models, std::size_t at, Bytes& now) {
-    now[at] = static_cast<char>(code_byte(coder, models.after(byte(last_[at])), byte(now[at])));
-  }
-  template <class Coder>
-  void code_wide(Coder& coder, IntegerCoder& integers, std::size_t at, Bytes& now) {
-    const auto value =
-        integers.code(coder, load_little<std::uint16_t>(&last_[at]), load_little<std::uint16_t>(&now[at]), 0);
-    store_little(&now[at], static_cast<std::uint16_t>(value));
-  }
-
-  Bytes last_;
-  std::array<std::int32_t, 3> x_steps_{}, y_steps_{};  // the last three
-  std::size_t turn_ = 0;                               // which of them is replaced next
+  PointFields last_;
+  MiddleOfThree x_steps_, y_steps_;
   std::uint32_t size_ = 0;
   SymbolModel changes_{64};
   ByteModels returns_, classes_, users_;

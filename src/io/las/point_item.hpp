@@ -11,49 +11,23 @@
 #include <vector>
 
 #include "io/las/byte_coding.hpp"
-#include "io/las/grid.hpp"
+#include "io/las/header.hpp"
 #include "io/las/integer_coder.hpp"
-#include "io/scalar.hpp"
 
 namespace pointfair::io::las {
 
-class PointItem {
- public:
-  explicit PointItem(const char* first) : last_(read(first)) { last_.intensity = 0; }
+/// The item's fields.
+struct PointFields {
+  Grid grid{};
+  std::uint16_t intensity = 0, source = 0;
+  std::uint8_t returns = 0, classification = 0, angle = 0, user = 0;
 
-  static constexpr int kSteps = 4;
+  std::uint32_t number() const { return returns & 7U; }
+  std::uint32_t count() const { return (returns >> 3) & 7U; }
+  std::uint32_t direction() const { return (returns >> 6) & 1U; }
 
-  template <int kStep, class Coder>
-  void code_step(Coder& coder, char* record) {
-    if constexpr (kStep == 0) {
-      now_ = Coder::kWrites ? read(record) : last_;
-      code_fields(coder);
-    } else if constexpr (kStep == 1) {
-      code_along(coder, x_, x_steps_[kind_of(now_)], last_.grid[0], now_.grid[0], single());
-    } else if constexpr (kStep == 2) {
-      code_along(coder, y_, y_steps_[kind_of(now_)], last_.grid[1], now_.grid[1], single() + even(x_.last_size(), 20));
-    } else {
-      code_z(coder);
-      last_ = now_;
-      if constexpr (!Coder::kWrites) write(now_, record);
-    }
-  }
-
- private:
-  struct Fields {
-    Grid grid{};
-    std::uint16_t intensity = 0, source = 0;
-    std::uint8_t returns = 0, classification = 0, angle = 0, user = 0;
-
-    std::uint32_t number() const { return returns & 7U; }
-    std::uint32_t count() const { return (returns >> 3) & 7U; }
-    std::uint32_t direction() const { return (returns >> 6) & 1U; }
-  };
-  static constexpr std::uint32_t kSource = 1, kUser = 2, kAngle = 4, kClass = 8, kIntensity = 16, kReturns = 32;
-
-  static Fields read(const char* record) {
-    Fields fields;
-    for (std::size_t axis = 0; axis < 3; ++axis) fields.grid[axis] = load_little<std::int32_t>(record + 4 * axis);
+  static PointFields read(const char* record) {
+    PointFields fields{.grid = get_grid(record)};
     fields.intensity = load_little<std::uint16_t>(record + 12);
     fields.returns = load_little<std::uint8_t>(record + 14);
     fields.classification = load_little<std::uint8_t>(record + 15);
@@ -62,24 +36,50 @@ class PointItem {
     fields.source = load_little<std::uint16_t>(record + 18);
     return fields;
   }
-  static void write(const Fields& fields, char* record) {
-    for (std::size_t axis = 0; axis < 3; ++axis) store_little(record + 4 * axis, fields.grid[axis]);
-    store_little(record + 12, fields.intensity);
-    store_little(record + 14, fields.returns);
-    store_little(record + 15, fields.classification);
-    store_little(record + 16, fields.angle);
-    store_little(record + 17, fields.user);
-    store_little(record + 18, fields.source);
+  void write(char* record) const {
+    put_grid(grid, record);
+    store_little(record + 12, intensity);
+    store_little(record + 14, returns);
+    store_little(record + 15, classification);
+    store_little(record + 16, angle);
+    store_little(record + 17, user);
+    store_little(record + 18, source);
+  }
+};
+
+class PointItem {
+ public:
+  explicit PointItem(const char* first) : last_(PointFields::read(first)) { last_.intensity = 0; }
+
+  static constexpr int kSteps = 4;
+
+  template <int kStep, class Coder>
+  void code_step(Coder& coder, char* record) {
+    if constexpr (kStep == 0) {
+      now_ = Coder::kWrites ? PointFields::read(record) : last_;
+      code_fields(coder);
+    } else if constexpr (kStep == 1) {
+      code_along(coder, x_, x_steps_[kind_of(now_)], last_.grid[0], now_.grid[0], single());
+    } else if constexpr (kStep == 2) {
+      code_along(coder, y_, y_steps_[kind_of(now_)], last_.grid[1], now_.grid[1], single() + even(x_.last_size(), 20));
+    } else {
+      code_z(coder);
+      last_ = now_;
+      if constexpr (!Coder::kWrites) now_.write(record);
+    }
   }
 
+ private:
+  static constexpr std::uint32_t kSource = 1, kUser = 2, kAngle = 4, kClass = 8, kIntensity = 16, kReturns = 32;
+
   // One of 16 kinds of returns: row = number of returns, column = number of this one.
-  static std::uint32_t kind_of(const Fields& fields) {
+  static std::uint32_t kind_of(const PointFields& fields) {
     constexpr std::array<std::string_view, 8> kKinds = {"PONMLKJI", "OABDGKKJ", "NBCEHLLK", "MDEFIMML",
                                                         "LGHIJNNM", "KKLMNOON", "JKLMNOPO", "IJKLMNOP"};
     return static_cast<std::uint32_t>(kKinds[fields.count()][fields.number()] - 'A');
   }
 
-  std::uint32_t changes_of(const Fields& now) const {
+  std::uint32_t changes_of(const PointFields& now) const {
     return (now.source != last_.source ? kSource : 0) | (now.user != last_.user ? kUser : 0) |
            (now.angle != last_.angle ? kAngle : 0) | (now.classification != last_.classification ? kClass : 0) |
            (now.intensity != intensities_[kind_of(now)] ? kIntensity : 0) |
@@ -116,7 +116,7 @@ class PointItem {
     now_.grid[2] = height;
   }
 
-  Fields last_, now_;
+  PointFields last_, now_;
   std::array<std::uint16_t, 16> intensities_{};
   std::array<RunningMedian, 16> x_steps_, y_steps_;
   std::array<std::int32_t, 8> heights_{};
