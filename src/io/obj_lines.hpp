@@ -12,18 +12,23 @@
 
 namespace pointfair::io {
 
-enum class ObjLine : std::uint8_t { point, normal, texture, face, other };
+enum class ObjLine : std::uint8_t { point, normal, texture, face, other, blank };
 
-// By the first characters of a line that is not blank; their number is 0 for other lines.
-inline ObjLine kind_of(const char* at, const char* end, std::ptrdiff_t& characters) {
+// What a line is; its key goes off its front with the blanks before, but that of other lines stays.
+inline ObjLine take_key(std::string_view& line) {
+  const char* at = line.data();
+  const char* const end = at + line.size();
+  while (at != end && is_blank(*at)) ++at;
+  line = {at, static_cast<std::size_t>(end - at)};
+  if (at == end) return ObjLine::blank;
   const bool one = at + 1 == end || is_blank(at[1]), two = !one && (at + 2 == end || is_blank(at[2]));
-  characters = one ? 1 : 2;
-  if (one && *at == 'f') return ObjLine::face;
-  if (one && *at == 'v' && at + 1 != end) return ObjLine::point;  // as RowRule::vertices has it
-  if (two && *at == 'v' && at[1] == 'n') return ObjLine::normal;
-  if (two && *at == 'v' && at[1] == 't') return ObjLine::texture;
-  characters = 0;
-  return ObjLine::other;
+  ObjLine kind = ObjLine::other;
+  if (one && *at == 'f') kind = ObjLine::face;
+  if (one && *at == 'v' && at + 1 != end) kind = ObjLine::point;  // as RowRule::vertices has it
+  if (two && *at == 'v' && at[1] == 'n') kind = ObjLine::normal;
+  if (two && *at == 'v' && at[1] == 't') kind = ObjLine::texture;
+  if (kind != ObjLine::other) line.remove_prefix(one ? 1 : 2);
+  return kind;
 }
 
 // Calls take(kind, words, line) for each line that is not blank; `words` follow the key, unless the kind is other.
@@ -33,14 +38,9 @@ void for_each_line(const ObjText& text, const Take& take) {
   std::string_view rest = text.rows, line;
   const char* passed = rest.data();
   while (next_row(rest, line, text.shape)) {
-    const char* at = line.data();
-    const char* const end = at + line.size();
-    while (at != end && is_blank(*at)) ++at;
-    if (at != end) {
-      std::ptrdiff_t key = 0;
-      const ObjLine kind = kind_of(at, end, key);
-      take(kind, std::string_view(at + key, static_cast<std::size_t>(end - at - key)), line);
-    }
+    std::string_view words = line;
+    const ObjLine kind = take_key(words);
+    if (kind != ObjLine::blank) take(kind, words, line);
     if (rest.data() - passed < kPassed) continue;
     text.passed({passed, static_cast<std::size_t>(rest.data() - passed)});
     passed = rest.data();

@@ -50,18 +50,12 @@ struct ObjRemoval::Lines {
 
   // `line` with its end.
   void append(std::string_view line) {
-    const char* at = line.data();
-    const char* const end = at + line.size();
-    while (at != end && is_blank(*at)) ++at;
-    if (at == end) {
-      to += line;
-      return;
-    }
-    std::ptrdiff_t key = 0;
-    const ObjLine kind = kind_of(at, end, key);
-    const bool is_element = kind == ObjLine::other && (*at == 'l' || *at == 'p') && at + 1 != end && is_blank(at[1]);
-    if (kind == ObjLine::face || is_element) {
-      append_corners(line, {at + 1, static_cast<std::size_t>(end - at - 1)}, *at == 'p');
+    std::string_view words = line;
+    const ObjLine kind = take_key(words);
+    const bool has_key = kind == ObjLine::other && words.size() > 1 && is_blank(words[1]);
+    const bool is_line = has_key && words[0] == 'l', is_list = has_key && words[0] == 'p';
+    if (kind == ObjLine::face || is_line || is_list) {
+      append_corners(line, kind == ObjLine::face ? words : words.substr(1), is_list);
     } else if (!(kind == ObjLine::point && removal.is_removed(so_far.points)) &&
                !(kind == ObjLine::normal && removal.own_normals_ && removal.is_removed(so_far.normals))) {
       to += line;
