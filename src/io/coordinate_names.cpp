@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <set>
+#include <span>
 
 #include "io/text.hpp"
 
@@ -11,40 +12,22 @@ namespace {
 
 // As plain() leaves them, the plainest first. English, German, French, Italian, Spanish, Portuguese, Dutch; ParaView,
 // ArcGIS, R, MATLAB.
-constexpr std::array<std::string_view, 3> kNames[] = {
-    {"x", "y", "z"},
-    {"points0", "points1", "points2"},
-    {"coordinates0", "coordinates1", "coordinates2"},
-    {"coordinate0", "coordinate1", "coordinate2"},
-    {"xcoord", "ycoord", "zcoord"},
-    {"xcoordinate", "ycoordinate", "zcoordinate"},
-    {"coordx", "coordy", "coordz"},
-    {"coordinatex", "coordinatey", "coordinatez"},
-    {"pointx", "pointy", "pointz"},
-    {"posx", "posy", "posz"},
-    {"positionx", "positiony", "positionz"},
-    {"worldx", "worldy", "worldz"},
-    {"cartesianx", "cartesiany", "cartesianz"},
-    {"easting", "northing", "elevation"},
-    {"eastings", "northings", "height"},
-    {"east", "north", "elev"},
-    {"e", "n", "h"},
-    {"rechtswert", "hochwert", "altitude"},
-    {"rechts", "hoch", "alt"},
-    {"rw", "hw", "level"},
-    {"ostwert", "nordwert", "hoehe"},
-    {"ost", "nord", "höhe"},
-    {"est", "nord", "quota"},
-    {"este", "norte", "cota"},
-    {"leste", "norte", "altura"},
-    {"oost", "noord", "hoogte"},
-    {"xkoordinate", "ykoordinate", "zkoordinate"},
-    {"utmx", "utmy", "rl"},
-    {"utme", "utmn", "altezza"},
-    {"eastingm", "northingm", "elevationm"},
-    {"xm", "ym", "zm"},
-    {"xmm", "ymm", "zmm"},
-};
+constexpr std::string_view kX[] = {
+    "x",      "points0",    "coordinates0", "coordinate0", "xcoord",     "xcoordinate", "coordx",   "coordinatex",
+    "pointx", "posx",       "positionx",    "worldx",      "cartesianx", "easting",     "eastings", "east",
+    "e",      "rechtswert", "rechts",       "rw",          "ostwert",    "ost",         "est",      "este",
+    "leste",  "oost",       "xkoordinate",  "utmx",        "utme",       "eastingm",    "xm",       "xmm"};
+constexpr std::string_view kY[] = {
+    "y",           "points1",  "coordinates1", "coordinate1", "ycoord",     "ycoordinate", "coordy",    "coordinatey",
+    "pointy",      "posy",     "positiony",    "worldy",      "cartesiany", "northing",    "northings", "north",
+    "n",           "hochwert", "hoch",         "hw",          "nordwert",   "nord",        "norte",     "noord",
+    "ykoordinate", "utmy",     "utmn",         "northingm",   "ym",         "ymm"};
+constexpr std::string_view kZ[] = {
+    "z",      "points2",  "coordinates2", "coordinate2", "zcoord",     "zcoordinate", "coordz", "coordinatez",
+    "pointz", "posz",     "positionz",    "worldz",      "cartesianz", "elevation",   "height", "elev",
+    "h",      "altitude", "alt",          "level",       "hoehe",      "höhe",        "quota",  "cota",
+    "altura", "hoogte",   "zkoordinate",  "rl",          "altezza",    "elevationm",  "zm",     "zmm"};
+constexpr std::span<const std::string_view> kNames[] = {kX, kY, kZ};
 
 // In small letters, without the unit in brackets and without what joins words.
 std::string plain(std::string_view name) {
@@ -77,8 +60,8 @@ AxisColumns find_axes(const std::vector<std::string>& names) {
   AxisColumns columns{};
   for (std::size_t axis = 0; axis < 3; ++axis) {
     columns[axis] = names.size();
-    for (const auto& known : kNames) {
-      const auto found = std::find(plain_names.begin(), plain_names.end(), known[axis]);
+    for (const std::string_view known : kNames[axis]) {
+      const auto found = std::ranges::find(plain_names, known);
       if (found == plain_names.end()) continue;
       columns[axis] = static_cast<std::size_t>(found - plain_names.begin());
       break;
