@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <numeric>
-#include <utility>
 
 #include "io/coordinate_names.hpp"
 #include "io/text.hpp"

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing whole files: chooses the format, and hands over to its writer.
-#include <algorithm>
 #include <utility>
 
 #include "io/contents.hpp"

@@ -2,7 +2,6 @@
 #include "io/materials.hpp"
 
 #include <algorithm>
-#include <optional>
 
 #include "io/text.hpp"
 

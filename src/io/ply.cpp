@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading PLY, and writing back a PLY file with moved points.
 #include <algorithm>
-#include <limits>
 
 #include "io/formats.hpp"
 #include "io/parallel.hpp"

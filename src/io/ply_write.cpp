@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
-#include <utility>
 
 #include "io/column_names.hpp"
 #include "io/formats.hpp"

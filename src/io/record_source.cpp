@@ -5,7 +5,6 @@
 #include <cstring>
 
 #include "io/coordinate_names.hpp"
-#include "io/parallel.hpp"
 
 namespace pointfair::io {
 namespace {

@@ -5,7 +5,6 @@
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
-#include "io/parallel.hpp"
 #include "io/text_source.hpp"
 #include "io/xyz_front.hpp"
 

@@ -4,14 +4,12 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
-#include <cstring>
 #include <limits>
 #include <numbers>
 
 #include "io/e57/pages.hpp"
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
-#include "io/parallel.hpp"
 #include "portable.hpp"
 
 namespace pointfair::io {

@@ -5,7 +5,6 @@
 #include <array>
 #include <optional>
 #include <utility>
-#include <vector>
 
 #include "io/las/byte_coding.hpp"
 #include "io/las/color_item.hpp"

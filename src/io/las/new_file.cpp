@@ -3,7 +3,6 @@
 // have no place for as extra bytes.
 #include <algorithm>
 #include <cmath>
-#include <cstring>
 
 #include "io/box_of.hpp"
 #include "io/colors.hpp"

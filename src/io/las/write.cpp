@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing a LAS or LAZ file back with moved points, or without some of them.
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 

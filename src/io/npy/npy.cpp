@@ -1,7 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // Reading and writing NumPy arrays of points: N x 3 and more columns, or records with fields x, y and z.
-#include <algorithm>
-#include <cstring>
 
 #include "io/formats.hpp"
 #include "io/npy/header.hpp"
