@@ -39,7 +39,7 @@ std::uint8_t code_difference(Coder& coder, SymbolModel& model, std::uint32_t pre
 
 // Eight bytes as they are.
 template <class Coder>
-std::uint64_t code_long(Coder& coder, std::uint64_t value) {
+inline std::uint64_t code_long(Coder& coder, std::uint64_t value) {
   const std::uint64_t lower = coder.code_bits(32, static_cast<std::uint32_t>(value));
   return lower | std::uint64_t{coder.code_bits(32, static_cast<std::uint32_t>(value >> 32))} << 32;
 }

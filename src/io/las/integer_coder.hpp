@@ -89,8 +89,8 @@ class RunningMedian {
 
 /// A coordinate as its step from the last point's, of which the middle of the last steps is the prediction.
 template <class Coder, class Steps>
-void code_along(Coder& coder, IntegerCoder& integers, Steps& steps, std::int32_t last, std::int32_t& now,
-                std::uint32_t context) {
+inline void code_along(Coder& coder, IntegerCoder& integers, Steps& steps, std::int32_t last, std::int32_t& now,
+                       std::uint32_t context) {
   const auto wanted = static_cast<std::int32_t>(static_cast<std::uint32_t>(now) - static_cast<std::uint32_t>(last));
   const std::int32_t step = integers.code(coder, steps.value(), wanted, context);
   steps.add(step);
