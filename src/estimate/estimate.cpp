@@ -20,6 +20,7 @@
 #include "estimate/reach_levels.hpp"
 #include "estimate/repeats.hpp"
 #include "estimate/residual_growth.hpp"
+#include "estimate/shared_noise.hpp"
 #include "pointfair/params.hpp"
 #include "portable.hpp"
 
@@ -396,7 +397,10 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     look(steps, repeats, {});
   }
   result.spacing = spacing;
-  result.noise.is_shared = result.noise.is_shared || repeats > kMostCopies * found.copies;
+  Noise& noise = result.noise;
+  const bool may_be_shared = noise.is_shared || repeats > kMostCopies * found.copies;
+  noise.is_shared = noise.depth_has_steps || found.rows_share_errors ||
+                    (may_be_shared && neighbors_share_noise(nearest, noise.sigma));
   if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;
 }

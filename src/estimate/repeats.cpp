@@ -208,7 +208,7 @@ int first_even(const std::vector<double>& by_rank) {
 }  // namespace
 
 Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {
-  if (rows_share_errors(nearest, for_each)) return {kMostRepeats};
+  if (rows_share_errors(nearest, for_each)) return {.points = kMostRepeats, .rows_share_errors = true};
   if (!are_uneven(nearest.heads(), kStepNeighbors)) return {};
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
   const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);

@@ -10,6 +10,7 @@ namespace pointfair {
 struct Repeats {
   int points = 1;  // that make one measurement at most samples, 1 to kMostRepeats
   int copies = 1;  // of these, at exactly one place
+  bool rows_share_errors = false;
 };
 
 // Of points spread over a surface, the squared distance to the k-th nearest grows with k from the first one on; where

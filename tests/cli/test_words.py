@@ -16,6 +16,14 @@ def shared_noise(window, side=90):
     return [(x, y, sum(rows[x + i][y] for i in range(window)) / window) for x in range(side) for y in range(side)]
 
 
+def rows_of_points(ratio, count, noise):
+    """A plane in rows that lie `ratio` times as far apart as the points along them, 1 apart. Errors are independent."""
+    rng = random.Random(2)
+    side = round((count * ratio) ** 0.5)
+    starts = [rng.random() for _ in range(side // ratio)]
+    return [(row * ratio, start + y, rng.gauss(0, noise)) for row, start in enumerate(starts) for y in range(side)]
+
+
 def write_stl(path, points, side):
     """The grid of points as triangles, each with its own three corners."""
     faces = [face for x in range(side - 1) for y in range(x * side, x * side + side - 1)
@@ -116,6 +124,14 @@ class Words(Case):
         self.assertIn("looks long-wave", self.path("r.html").read_text())
         for words in ([], ["--tiles", "2"]):
             self.assertNotIn("long-wave", self.said("--min-neighbors", "48", *words))
+
+    def test_rows_and_bad_points_are_no_long_wave_noise(self):
+        rng = random.Random(7)
+        bad = [(rng.uniform(0, 90), rng.uniform(0, 90), rng.gauss(0, 0.03 * (20 if i % 10 == 0 else 1))) for i in range(9000)]
+        for points in (rows_of_points(4, 9000, 0.6), rows_of_points(5, 9000, 0.6), bad):
+            write_ply(self.path("in.ply"), points)
+            for tiles in ([], ["--tiles", "2"]):
+                self.assertNotIn("long-wave", self.said(*tiles))
 
     def test_corners_of_faces_that_share_none_are_no_long_wave_noise(self):
         for window, told in ((1, False), (7, True)):
