@@ -170,7 +170,7 @@ class Pipeline(Generic[Points]):
             >>> pipeline.load(sparse)
             >>> result = pipeline.run()
             >>> notes = pipeline.notes(np.linalg.norm(result - sparse, axis=1))
-            >>> any("so far apart, noise and shape look alike" in note for note in notes)
+            >>> any("so far apart, noise and shape look the same" in note for note in notes)
             True
         """
         try:

@@ -55,8 +55,8 @@ void add_sparse(const Look& look, std::vector<std::string>& notes) {
   const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
   if (!is_sparse || !(look.noise > 0) || look.spacing <= kFarApart * look.noise) return;
   notes.push_back("points are " + rounded(look.spacing) + " apart, " + whole(look.spacing / look.noise) +
-                  " times the noise of " + rounded(look.noise, 2) +
-                  ": so far apart, noise and shape look alike, and hardly any noise is removed; " +
+                  " times the noise of a typical place, " + rounded(look.noise, 2) +
+                  ": where they are so far apart, noise and shape look the same, and hardly any noise is removed; " +
                   (look.is_noise_given ? "a larger --noise removes more" : "--noise gives the noise of a data sheet"));
 }
 

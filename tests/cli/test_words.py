@@ -104,7 +104,7 @@ class Words(Case):
         ground = [(x, y, (x * y) / 4000 + rng.gauss(0, 0.02)) for x, y in ((rng.uniform(0, 1000), rng.uniform(0, 1000)) for _ in range(3000))]
         write_ply(self.path("in.ply"), ground)
         for tiles in ([], ["--tiles", "2"]):
-            self.assertRegex(self.said(*tiles), r"note: points are 1\d\.\d+ apart, \d+ times the noise")
+            self.assertRegex(self.said(*tiles), r"note: points are 1\d\.\d+ apart, \d+ times the noise of a typical place")
             self.assertIn("data sheet", self.said(*tiles))
             self.assertIn("; a larger --noise removes more\n", self.said("--noise", "0.01", *tiles))
             self.assertNotIn("so far apart", self.said("--noise", "1", *tiles))

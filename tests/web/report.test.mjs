@@ -72,7 +72,7 @@ test("the viewer says what the program says of a result that may not be what it 
   writeFileSync(scan, Array.from({ length: 3000 }, (_, i) => `${random(i, 1)} ${random(i * i, 2)} ${random(i * 31, 3) / 20000}`).join("\n"));
   const { stderr } = spawnSync(kProgram, ["run", scan, out], { encoding: "utf8" });
   const said = [...stderr.matchAll(/^note: (.*)$/gm)].map(([, note]) => note);
-  assert.match(said.join(), /so far apart, noise and shape look alike/);
+  assert.match(said.join(), /so far apart, noise and shape look the same/);
 
   const { page, url } = await show(t, [scan]);
   const notes = page.getByRole("status").filter({ hasText: "on this result" });
