@@ -125,10 +125,8 @@ class PageMaker {
   // Of two files whose run is not known: neither what it chose nor what it left out.
   std::vector<std::string> notes_on_pair() const {
     const Statistics& moved = copy_.displacement;
-    Estimates known = estimates_;
-    known.without_surface = 0;  // whether such points kept their place is the run's affair
-    return notes_on_run({}, known, {}, {moved.mean, moved.rms, moved.p95, moved.max},
-                        stored_float_step(before_, known));
+    return notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
+                        stored_float_step(before_, estimates_));
   }
 
   std::string warnings() const {

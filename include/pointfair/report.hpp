@@ -26,7 +26,8 @@ struct Estimates {
   /// The largest step between coordinates, which are 32-bit floats relative to the cloud's origin: 1 mm at 16 km. 0 if
   /// that origin is 0, so that no digit is lost.
   double float_step = 0;
-  /// Share of the cloud where no surface shows although the rest has one, as in crowns or clutter; it keeps its place.
+  /// Share of the cloud where no surface shows, as in crowns or clutter beside one; 1 where none shows anywhere, as of
+  /// wires. What of it kept its place: Report::without_surface.
   double without_surface = 0;
   /// Neighbouring points share their noise (it is long-wave), or rows or copies of points repeat it: averaging removes
   /// a part only.
@@ -92,6 +93,9 @@ struct Report {
   /// Points that repeat another one, exactly or nearly, if eight of 500 samples do: they count for nothing
   /// and got the result of that one, which brings them together. 0 where no parameter follows the noise.
   std::uint64_t copies = 0;
+  /// Share of the finite points that kept their place because no surface shows there: Estimates::without_surface where
+  /// displacements followed the noise from place to place, else 0.
+  double without_surface = 0;
   /// The stages that ran, in order; further iterations add to the same names. Stages on a card are timed by the card.
   /// If one kernel does normals and fairing there, its time is divided three to two, as two kernels would take it.
   /// `upload` to a card lasts until the caller may change the array again; the index begins before that.

@@ -78,8 +78,8 @@ struct TiledReport {
   std::uint64_t copies = 0;                 ///< as in Report
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
-  double without_surface = 0;               ///< as in Estimates
-  bool noise_is_shared = false;             ///< the same
+  double without_surface = 0;               ///< the same
+  bool noise_is_shared = false;             ///< as in Estimates
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates

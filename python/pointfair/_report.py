@@ -60,7 +60,8 @@ class Estimates:
     """The largest step between coordinates: a run works on 32-bit floats around the cloud's origin, and they step by
     1 mm at 16 km. 0 for float32 arrays, which keep their digits."""
     without_surface: float
-    """Share of the cloud where no surface shows although the rest has one, as in crowns or clutter; it keeps its place."""
+    """Share of the cloud where no surface shows, as in crowns or clutter beside one; 1 where none shows anywhere. The
+    default run does not move it."""
 
 
 @dataclasses.dataclass(frozen=True)

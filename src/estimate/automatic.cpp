@@ -74,6 +74,9 @@ FollowedNoise followed_noise(const Params& asked, const Params& used, Estimate f
   if (asked.min_neighbors == kAutomatic) followed.reach_levels = std::move(found.reach_levels);
   if (!asked.relaxation) followed.damage = share_damage(of_sigma(noise, used.noise.value), used.iterations);
   if (followed.damage > 0 && noise.sigma > 0) followed.trusted = constants::kTrustedNoise * noise.surface_spacing;
+  // without levels no surface shows at all, and nothing moves unless a noise is given
+  if (followed.damage > 0 && (found.levels || asked.noise.is_automatic()))
+    followed.without_surface = noise.without_surface;
   if (!found.levels) return followed;
   followed.levels = std::move(found.levels);
   followed.radius = asked.radius.is_automatic();

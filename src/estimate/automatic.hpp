@@ -20,6 +20,7 @@ struct FollowedNoise {
   double outlier_distance = 0;                              // of level 1
   double damage = 0;   // of the share of each displacement (point/noise_field.h); 0: all is made
   double trusted = 0;  // noise of which half of that share is made, in place of the relaxation of a typical place
+  double without_surface = 0;  // share of the cloud that does not move, since no surface shows
 };
 
 // What the automatic values of parameters follow from, so that nothing else need be measured.

@@ -292,7 +292,8 @@ double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSt
   Noise& noise = result.noise;
   noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
   noise.repeats = repeats;
-  if (!(noise.surface_spacing > 0)) return 0;                          // no surface shows
+  noise.without_surface = noise.surface_spacing > 0 ? 0 : 1;
+  if (noise.without_surface > 0) return 0;
   std::vector<point::ResidualSample> residuals = samples.residuals();  // of all places
   cover_rounding(steps, residuals);
   if (!depth_has_steps)

@@ -50,7 +50,7 @@ struct Noise {
   // Neighbouring points share their noise, as those of depth cameras do, or several make one measurement that lie at
   // different places.
   bool is_shared = false;
-  // Share of the samples around which no surface shows, in a cloud that has one somewhere.
+  // Share of the samples around which no surface shows, in a cloud that has one somewhere; 1 where it has none.
   double without_surface = 0;
 };
 

@@ -24,6 +24,11 @@ bool says(float value) { return value > 0 && std::isfinite(value); }
 
 }  // namespace
 
+Noise with_given(Noise measured, const GivenNoise& given) {
+  measured.without_surface = 0;
+  return of_sigma(measured, given.sigma);
+}
+
 GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const float> values,
                        const ForEach& for_each) {
   std::vector<double> log_levels;

@@ -6,6 +6,7 @@
 #include <optional>
 #include <span>
 
+#include "estimate/estimate.hpp"
 #include "seam/cloud_sample.hpp"
 #include "seam/settings.hpp"
 
@@ -15,6 +16,9 @@ struct GivenNoise {
   double sigma = 0;  // at a typical place: the median
   std::shared_ptr<const NoiseLevels> levels{};
 };
+
+// What else was measured stays. Places without a surface have the noise that is given for them.
+Noise with_given(Noise measured, const GivenNoise& given);
 
 // Levels between the values at a sample of points, one for each of them; `sigma` is the median of all values.
 GivenNoise given_noise(double sigma, const CloudSample& sample, std::span<const float> values, const ForEach& for_each);

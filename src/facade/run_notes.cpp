@@ -88,7 +88,7 @@ void add_no_surface(const Look& look, std::vector<std::string>& notes) {
   const std::string share =
       whole(100 * double(std::min(look.without_surface, look.finite)) / double(look.finite)) + " %";
   notes.push_back(share +
-                  " of the points show no surface and kept their place, as crowns, clutter or outliers do; if a "
+                  " of the points show no surface and were not moved, as crowns, wires, clutter or outliers; if a "
                   "surface is there, --noise with an attribute gives the noise of each point");
 }
 
@@ -226,7 +226,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .is_noise_given = is_noise_given(asked, report.params),
                 .moved = moved,
                 .finite = estimates.finite,
-                .without_surface = count_without_surface(report.unmoved, estimates.without_surface, estimates.finite),
+                .without_surface = count_without_surface(report.unmoved, report.without_surface, estimates.finite),
                 .is_shared = tells_of_shared(asked, estimates.noise_is_shared),
                 .copies = report.copies});
   add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);

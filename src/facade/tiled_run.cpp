@@ -225,7 +225,7 @@ TiledReport TiledRun::report() const {
     if (needed.spacing) report.spacing = state_->measured().spacing.mean;
     if (needed.noise) {
       report.noise = state_->measured().noise.sigma;
-      report.without_surface = state_->measured().noise.without_surface;
+      report.without_surface = state_->without_surface();
       report.noise_is_shared = state_->measured().noise.is_shared;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =

@@ -49,6 +49,7 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
   report.unmoved.outliers_by_reason = found.outlier_counts;
   report.short_neighborhoods = found.counts.short_neighborhoods;
   report.copies = found.counts.copies;
+  report.without_surface = found.without_surface;
   report.tiles = found.tiles;
   report.found_sensor = found.found_sensor;
   report.total_milliseconds = milliseconds_since(start);

@@ -113,9 +113,7 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
 }
 
 // What is believed of the noise, once it was measured.
-Noise Pipeline::State::noise() const {
-  return given_noise_ ? of_sigma(*cloud.noise, given_noise_->sigma) : *cloud.noise;
-}
+Noise Pipeline::State::noise() const { return given_noise_ ? with_given(*cloud.noise, *given_noise_) : *cloud.noise; }
 
 const std::shared_ptr<const NoiseLevels>& Pipeline::State::levels() const {
   return given_noise_ ? given_noise_->levels : cloud.levels;

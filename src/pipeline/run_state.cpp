@@ -155,6 +155,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
             counts.unmoved,
             counts.short_neighborhoods,
             cloud.aside() == Aside::copies ? counts.copies : 0,
+            followed.without_surface,
             log_.stages(),
             mesh_found,
             backend.solver_report(last),

@@ -211,7 +211,7 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
   }
   if (wanted.spacing) measured.spacing = found.spacing;
   if (wanted.noise) {
-    measured.noise = given ? of_sigma(found.noise, given->sigma) : found.noise;
+    measured.noise = given ? with_given(found.noise, *given) : found.noise;
     measured.levels = given ? given->levels : found.levels;
     measured.reach_levels = found.reach_levels;
     if (plan.seeks_sensor) measured.sensor = found.sensor;
@@ -288,7 +288,7 @@ RunSettings resolve(const Plan& plan, const Measured& measured) {
   const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels,
                        plan.sensor ? KnownSensor{} : measured.sensor};
   const Resolved used = pointfair::resolve(plan.params, found, diagonal_of(measured.bounds));
-  return {used.params, settings_of(used, plan.sensor ? measured.sensor : KnownSensor{})};
+  return {used.params, settings_of(used, plan.sensor ? measured.sensor : KnownSensor{}), used.followed.without_surface};
 }
 
 }  // namespace pointfair::scale

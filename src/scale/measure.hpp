@@ -41,6 +41,7 @@ Measured load_measured(const std::filesystem::path& path);
 struct RunSettings {
   Params params;
   Settings settings;
+  double without_surface = 0;  ///< as in FollowedNoise
 };
 RunSettings resolve(const Plan& plan, const Measured& measured);
 

@@ -43,6 +43,7 @@ class Tasks {
   const Settings& settings();
   const Measured& measured() const { return *measured_; }
   const Params& params() const { return resolved_->params; }
+  double without_surface() const { return resolved_->without_surface; }
   // Where the points of a file are after the last iteration.
   TileResults results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop);
   // Those of the first iteration that kept their place, and points with short neighbourhoods.

@@ -90,6 +90,7 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
   });
   result.counts = tasks->counts();
   if (!job.sensor) result.found_sensor = one_sensor(tasks->settings(), tasks->measured().origin);
+  result.without_surface = tasks->without_surface();
   result.outlier_counts = moved.held_back();
   result.tiles = tasks->folder().plan.tiles;
   return result;

@@ -31,6 +31,7 @@ struct WideResult {
   Counts counts;
   OutlierCounts outlier_counts;
   std::optional<Position> found_sensor;  ///< as in Report
+  double without_surface = 0;            ///< the same
   std::uint64_t tiles = 1;
 };
 

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a run says of itself is so: where its noise comes from, why points stayed, when a result is doubtful."""
+import math
 import random
 import re
 import struct
@@ -22,6 +23,15 @@ def rows_of_points(ratio, count, noise):
     side = round((count * ratio) ** 0.5)
     starts = [rng.random() for _ in range(side // ratio)]
     return [(row * ratio, start + y, rng.gauss(0, noise)) for row, start in enumerate(starts) for y in range(side)]
+
+
+def forest():
+    """Ground with noise of 0.1 spacings under crowns."""
+    rng = random.Random(3)
+    ground = [(rng.uniform(0, 30), rng.uniform(0, 30), rng.gauss(0, 0.03)) for _ in range(6000)]
+    trees = [(rng.uniform(0, 30), rng.uniform(0, 30)) for _ in range(20)]
+    crowns = [(x + rng.uniform(-2, 2), y + rng.uniform(-2, 2), rng.uniform(5, 10)) for x, y in trees for _ in range(600)]
+    return ground + crowns
 
 
 def write_stl(path, points, side):
@@ -153,6 +163,26 @@ class Words(Case):
         kept = re.search(r", (\d+) kept as they were", said)
         self.assertAlmostEqual(int(percent.group(1)), 100 * int(kept.group(1)) / 8000, delta=2)
         self.assertIn(percent.group(0)[6:], self.path("r.html").read_text())
+
+    def test_wires_without_any_surface_are_told(self):
+        rng = random.Random(5)
+        wires = [(10 * i + math.cos(a) * r, math.sin(a) * r, rng.uniform(0, 200)) for i in range(8) for _ in range(1250)
+                 for a, r in [(rng.uniform(0, 2 * math.pi), rng.gauss(1, 0.1))]]
+        write_ply(self.path("in.ply"), wires)
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertIn("note: 100 % of the points show no surface and were not moved", self.said(*tiles))
+            self.assertNotIn("show no surface", self.said("--noise", "0.1", *tiles))
+
+    def test_what_moved_is_not_told_to_have_kept_its_place(self):
+        write_ply(self.path("in.ply"), forest())
+        for tiles in ([], ["--tiles", "2"]):
+            self.assertRegex(self.said(*tiles), r"note: 6\d % of the points show no surface and were not moved")
+            for words in (["--k", "16"], ["--relaxation", "1"], ["--method", "mls"]):  # which do not follow the noise of places
+                said = self.said(*tiles, *words)
+                kept = re.search(r", (\d+) kept as they were", said)
+                percent = re.search(r"note: (\d+) % of the points show no surface", said)
+                counted = 100 * int(kept.group(1)) / 18000 if kept else 0
+                self.assertLessEqual(int(percent.group(1)) if percent else 0, counted + 1, said)
 
     def test_many_files_as_one_cloud_get_the_notes_of_the_cloud(self):
         for name, points in zip(("a.ply", "b.ply"), (shared_noise(7)[:4000], shared_noise(7)[4000:])):
