@@ -32,6 +32,8 @@ struct Estimates {
   /// Neighbouring points share their noise (it is long-wave), or rows or copies of points repeat it: averaging removes
   /// a part only.
   bool noise_is_shared = false;
+  /// At most places the nearest points, as many as a neighbourhood holds, lie along one line, as in rows far apart.
+  bool is_of_lines = false;
 };
 
 /// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").

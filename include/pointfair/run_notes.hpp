@@ -32,10 +32,10 @@ POINTFAIR_EXPORT double stored_float_step(const Cloud& cloud, const Estimates& e
 POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estimates, double stored_step = 0);
 
 /// Of a run in memory: the notes on its cloud; and that points are too sparse to tell noise from shape, that noise or
-/// moves are large against the cloud, that wide neighbourhoods were chosen as for long-wave noise, or that many points
-/// show no surface. `asked`: the parameters as they were given to Pipeline::run; `estimates` and `report`: of that
-/// pipeline; `moved`: how far points moved in the end, with all limits; `stored_step` as stored_float_step. Empty where
-/// there is nothing to say. O(1); never fails.
+/// moves are large against the cloud, that the noise is long-wave, that rows of points are too far apart for
+/// neighbourhoods, or that many points show no surface. `asked`: the parameters as they were given to Pipeline::run;
+/// `estimates` and `report`: of that pipeline; `moved`: how far points moved in the end, with all limits; `stored_step`
+/// as stored_float_step. Empty where there is nothing to say. O(1); never fails.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates,
                                                        const Report& report, const Displacement& moved,
                                                        double stored_step = 0);

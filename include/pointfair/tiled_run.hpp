@@ -80,6 +80,7 @@ struct TiledReport {
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
   double without_surface = 0;               ///< the same
   bool noise_is_shared = false;             ///< as in Estimates
+  bool is_of_lines = false;                 ///< the same
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates

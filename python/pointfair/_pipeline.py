@@ -159,9 +159,9 @@ class Pipeline(Generic[Points]):
     def notes(self, moved: Any = 0.0) -> list[str]:
         """Why the result of the last run may not be what it seems, in sentences, as the program prints them: floats
         that are coarse so far from 0, points too sparse for their noise, noise or moves that are large against the
-        cloud, neighbourhoods as for noise that neighbours share, points that show no surface. `moved` are the lengths
-        that points moved, an array; without it large moves are not told. Empty where there is nothing to say. Measures
-        what estimates() does; O(N) for `moved`.
+        cloud, noise that neighbours share, rows too far apart, points that show no surface. `moved` are the lengths that
+        points moved, an array; without it neither large moves nor such rows are told. Empty where there is nothing to
+        say. Measures what estimates() does; O(N) for `moved`.
 
         Examples:
             >>> rng = np.random.default_rng(1)
@@ -178,7 +178,8 @@ class Pipeline(Generic[Points]):
         except (TypeError, ValueError):
             raise UsageError(f"moved is {kind_of(moved)}: give how far points moved, an array of lengths") from None
         lengths = lengths[np.isfinite(lengths)] if np.isfinite(lengths).any() else np.zeros(1)
-        moves = (lengths.mean(), np.sqrt(np.mean(lengths**2)), np.quantile(lengths, 0.95), lengths.max())
+        rms = np.sqrt(np.mean(lengths**2)) if np.ndim(moved) else np.inf  # not known
+        moves = (lengths.mean(), rms, np.quantile(lengths, 0.95), lengths.max())
         return self._native.notes(self._asked._native, [float(value) for value in moves])
 
     @overload

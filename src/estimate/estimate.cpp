@@ -78,13 +78,13 @@ double most_noise(std::span<const point::ResidualSample> samples, double spacing
   return kMostOverSix * shown * (1 + hidden * hidden * hidden);
 }
 
-// As Noise::surface_points.
-int surface_points(std::span<const point::ResidualSample> samples) {
+// The fewest nearest points that lie in a plane at most samples; 0 where none do.
+int points_of_planes(std::span<const point::ResidualSample> samples) {
   for (int size = 0; size < point::kPlaneSizes; ++size) {
     const auto planes = std::count_if(samples.begin(), samples.end(), [size](const point::ResidualSample& sample) {
       return sample.planes.variance[size] >= 0;
     });
-    if (2 * std::size_t(planes) > samples.size()) return std::min(point::plane_points(size), kMaxMinNeighbors);
+    if (2 * std::size_t(planes) > samples.size()) return point::plane_points(size);
   }
   return 0;
 }
@@ -140,7 +140,9 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
 
 // Adds what residuals of fewer points show, in a cloud of so many points.
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
-  noise.surface_points = surface_points(samples);
+  const int of_planes = points_of_planes(samples), most = point::plane_points(point::kPlaneSizes - 1);
+  noise.surface_points = std::min(of_planes, kMaxMinNeighbors);
+  noise.is_of_lines = points > std::uint64_t(most) && (of_planes == 0 || of_planes > kMaxMinNeighbors);
   if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
     const double correlated = correlation(samples);
     noise.is_shared = correlated >= kMostlyCorrelated;

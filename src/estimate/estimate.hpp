@@ -52,6 +52,8 @@ struct Noise {
   bool is_shared = false;
   // Share of the samples around which no surface shows, in a cloud that has one somewhere; 1 where it has none.
   double without_surface = 0;
+  // At most samples more points than a neighbourhood holds lie along a line.
+  bool is_of_lines = false;
 };
 
 // The estimate with a known `sigma` in place of the measured one; what depends on sigma follows, the rest stays.

@@ -23,6 +23,7 @@ struct Look {
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
   bool is_shared = false;                         // the noise, in neighbourhoods that the run chose
+  bool is_of_lines = false;                       // the same
   std::uint64_t copies = 0;                       // points
 };
 
@@ -74,6 +75,14 @@ void add_long_wave(const Look& look, std::vector<std::string>& notes) {
   notes.push_back(
       "the noise looks long-wave: neighbouring points share it, or rows or copies of points repeat it; of such noise, "
       "averaging removes a part only: measure a flat place before and after");
+}
+
+void add_lines(const Look& look, std::vector<std::string>& notes) {
+  constexpr double kLittle = 0.5;  // of the noise; independent noise is removed by moves as large as the noise
+  if (!look.is_of_lines || !(look.moved.rms < kLittle * look.noise)) return;
+  notes.push_back("at most places the nearest " + std::to_string(kMaxMinNeighbors) +
+                  " points lie along one line, as in rows far apart: a neighbourhood does not reach the next row, and "
+                  "most of the noise is left; --method mls with a --radius beyond the next row removes more");
 }
 
 void add_copies(const Look& look, std::vector<std::string>& notes) {
@@ -147,6 +156,7 @@ std::vector<std::string> notes_on(const Look& look) {
   add_sparse(look, notes);
   add_large(look, notes);
   add_long_wave(look, notes);
+  add_lines(look, notes);
   add_copies(look, notes);
   add_no_surface(look, notes);
   return notes;
@@ -168,6 +178,9 @@ double noise_of(const Params& asked, const Params& used, double estimated) {
 
 // A user who gives the neighbourhoods knows what they are for.
 bool tells_of_shared(const Params& asked, bool is_shared) { return asked.min_neighbors == kAutomatic && is_shared; }
+bool tells_of_lines(const Params& asked, bool is_of_lines) {
+  return asked.min_neighbors == kAutomatic && asked.radius.is_automatic() && asked.k == kAutomatic && is_of_lines;
+}
 
 void add_mixed_systems(std::span<const NamedSystem> systems, std::vector<std::string>& notes) {
   if (systems.size() < 2) return;
@@ -228,6 +241,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .finite = estimates.finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, estimates.finite),
                 .is_shared = tells_of_shared(asked, estimates.noise_is_shared),
+                .is_of_lines = tells_of_lines(asked, estimates.is_of_lines),
                 .copies = report.copies});
   add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);
   return notes;
@@ -254,6 +268,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),
                 .is_shared = tells_of_shared(report.asked, report.noise_is_shared),
+                .is_of_lines = tells_of_lines(report.asked, report.is_of_lines),
                 .copies = report.copies});
   add_mixed_systems(report.systems, notes);
   add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, report.diagonal, notes);

@@ -225,8 +225,10 @@ TiledReport TiledRun::report() const {
     if (needed.spacing) report.spacing = state_->measured().spacing.mean;
     if (needed.noise) {
       report.noise = state_->measured().noise.sigma;
+      const Noise& noise = state_->measured().noise;
       report.without_surface = state_->without_surface();
-      report.noise_is_shared = state_->measured().noise.is_shared;
+      report.noise_is_shared = noise.is_shared;
+      report.is_of_lines = noise.is_of_lines;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);

@@ -109,7 +109,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         noise_quantiles(noise().sigma, levels().get()),
                         float_step_of(b, shell.origin),
                         noise().without_surface,
-                        noise().is_shared};
+                        noise().is_shared,
+                        noise().is_of_lines};
 }
 
 // What is believed of the noise, once it was measured.

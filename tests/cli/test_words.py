@@ -143,6 +143,13 @@ class Words(Case):
             for tiles in ([], ["--tiles", "2"]):
                 self.assertNotIn("long-wave", self.said(*tiles))
 
+    def test_rows_too_far_apart_for_neighbourhoods_are_told(self):
+        for ratio, told in ((8, False), (60, True)):
+            write_ply(self.path("in.ply"), rows_of_points(ratio, 20000, 0.6))
+            for tiles in ([], ["--tiles", "2"]):
+                self.assertEqual("does not reach the next row, and most of the noise is left" in self.said(*tiles), told)
+        self.assertNotIn("next row", self.said("--method", "mls", "--radius", 1.2 * 60))
+
     def test_corners_of_faces_that_share_none_are_no_long_wave_noise(self):
         for window, told in ((1, False), (7, True)):
             write_stl(self.path("in.stl"), shared_noise(window), 90)
