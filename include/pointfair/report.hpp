@@ -34,6 +34,9 @@ struct Estimates {
   bool noise_is_shared = false;
   /// At most places the nearest points, as many as a neighbourhood holds, lie along one line, as in rows far apart.
   bool is_of_lines = false;
+  /// The coarsest step of coordinates that were rounded along two axes at least, so coarsely that points lie over each
+  /// other; 0: none shows.
+  double coordinate_step = 0;
 };
 
 /// How many outliers a run found, by reason (docs/how-it-works.md, "Outliers").

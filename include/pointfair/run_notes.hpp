@@ -26,9 +26,9 @@ POINTFAIR_EXPORT double stored_float_step(const Position& min, const Position& m
 /// cloud. O(1).
 POINTFAIR_EXPORT double stored_float_step(const Cloud& cloud, const Estimates& estimates);
 
-/// Of a cloud before a run: coordinates around one origin, or as they are stored, whose steps are coarse against the
-/// noise. `stored_step` as stored_float_step. Lengths are in file units. Empty where there is nothing to say. O(1);
-/// never fails.
+/// Of a cloud before a run: coordinates around one origin, as they are stored, or as they were rounded, whose steps are
+/// coarse against the noise. `stored_step` as stored_float_step. Lengths are in file units. Empty where there is
+/// nothing to say. O(1); never fails.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estimates, double stored_step = 0);
 
 /// Of a run in memory: the notes on its cloud; and that points are too sparse to tell noise from shape, that noise or

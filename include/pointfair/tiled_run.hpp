@@ -81,6 +81,7 @@ struct TiledReport {
   double without_surface = 0;               ///< the same
   bool noise_is_shared = false;             ///< as in Estimates
   bool is_of_lines = false;                 ///< the same
+  double coordinate_step = 0;               ///< the same
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates

@@ -86,6 +86,39 @@ double step_of_grid(std::span<const Point> rows, double rounding) {
   return step > 0 && is_mesh(rows, step) ? 0 : step;
 }
 
+// The step along one axis, where neighbours show one, or the least gap between the few values of a step so coarse that
+// neighbours share them; 0 where there is none.
+double step_or_gap(std::span<const Point> rows, int axis, double rounding) {
+  if (const double step = grid_step(rows, axis, rounding); step > 0) return step;
+  std::vector<double> levels;
+  for (const Point& p : rows) levels.push_back(coordinate(p, axis));
+  levels = distinct(std::move(levels), rounding);
+  if (levels.size() < 2 || levels.size() * kRepeats > rows.size()) return 0;
+  double least = kEndless;
+  for (std::size_t i = 1; i < levels.size(); ++i) least = std::min(least, levels[i] - levels[i - 1]);
+  return least;
+}
+
+// As StepsInHeads::coarsest.
+double coarsest_step(std::span<const Point> rows, double rounding) {
+  std::vector<int> axes;
+  double coarsest = 0;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double step = step_or_gap(rows, axis, rounding);
+    if (step > 0) axes.push_back(axis);
+    coarsest = std::max(coarsest, step);
+  }
+  if (axes.size() < 2) return 0;
+  std::size_t over_each_other = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    const Point &first = rows[i - i % kRow], &other = rows[i];
+    over_each_other += i % kRow > 0 && std::ranges::all_of(axes, [&](int axis) {
+                         return std::abs(coordinate(other, axis) - coordinate(first, axis)) <= rounding;
+                       });
+  }
+  return double(over_each_other) > kOverEachOther * double(rows.size()) ? coarsest : 0;
+}
+
 struct ExactPlane {
   Offset normal;
   Moments moments;
@@ -202,8 +235,8 @@ StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, c
   const std::vector<Point> rows = known_rows(heads, kRow);
   const double rounding = kRounding * extent_of(rows);
   if (const double step = step_of_grid(rows, rounding); step > 0)
-    return {{CoordinateSteps::Kind::grid, std::vector<double>(samples, step)}, std::nullopt};
-  return {{}, common_direction(rows, rounding, for_each)};
+    return {{CoordinateSteps::Kind::grid, std::vector<double>(samples, step)}, std::nullopt, 0};
+  return {{}, common_direction(rows, rounding, for_each), coarsest_step(rows, rounding)};
 }
 
 CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest) {

@@ -29,6 +29,9 @@ struct CoordinateSteps {
 struct StepsInHeads {
   CoordinateSteps steps;
   std::optional<point::Offset> direction;
+  // Of axes that have steps each of their own, two at least, where neighbours share all these coordinates: points of a
+  // grid or of rows do not lie over each other. 0: none.
+  double coarsest = 0;
 };
 StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, const ForEach& for_each);
 

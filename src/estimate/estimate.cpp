@@ -373,6 +373,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     return from.take_samples_by({.stride = repeats}, {}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
                                 stop);
   };
+  const double coordinate_step = in_heads.coarsest;
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
   const bool is_plain = repeats == 1 && steps.at.empty();
   if (!is_plain || is_thin) {
@@ -404,6 +405,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const bool may_be_shared = noise.is_shared || repeats > kMostCopies * found.copies;
   noise.is_shared = noise.depth_has_steps || found.rows_share_errors ||
                     (may_be_shared && neighbors_share_noise(nearest, noise.sigma));
+  noise.coordinate_step = coordinate_step;
   if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;
 }

@@ -54,6 +54,8 @@ struct Noise {
   double without_surface = 0;
   // At most samples more points than a neighbourhood holds lie along a line.
   bool is_of_lines = false;
+  // The coarsest step of coordinates that were rounded so that points lie over each other; 0: none shows.
+  double coordinate_step = 0;
 };
 
 // The estimate with a known `sigma` in place of the measured one; what depends on sigma follows, the rest stays.

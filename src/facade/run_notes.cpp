@@ -18,7 +18,8 @@ namespace {
 
 // What a cloud and a run on it look like, lengths in file units; 0: unknown.
 struct Look {
-  double spacing = 0, noise = 0, diagonal = 0, float_step = 0, stored_step = 0;  // of the input
+  double spacing = 0, noise = 0, diagonal = 0, float_step = 0, stored_step = 0, coordinate_step = 0;  // of the input
+  bool is_noise_known = true;
   bool is_noise_given = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
@@ -43,11 +44,25 @@ void add_coarse_floats(const Look& look, std::vector<std::string>& notes) {
                   ", coarse against the noise of " + rounded(look.noise) + "; split so wide a cloud");
 }
 
+// Of a step between coordinates that were written: what is finer is neither noise that a run removes nor shape.
+bool is_coarse(double step, const Look& look) {
+  constexpr double kTooFine = 0.01;  // spacings; a run takes less noise for shape
+  return look.is_noise_known && step > std::max(look.noise, kTooFine * look.spacing);
+}
+
 void add_stored_floats(const Look& look, std::vector<std::string>& notes) {
-  if (!(look.noise > 0) || !(look.stored_step > look.noise)) return;
+  if (!is_coarse(look.stored_step, look)) return;
   notes.push_back("coordinates are stored as 32-bit floats, which lie " + rounded(look.stored_step) +
                   " apart so far from 0, coarse against the noise of " + rounded(look.noise) +
                   ": what is finer was lost when they were written; write doubles there, or coordinates near 0");
+}
+
+// That floats are so coarse was said with the steps of floats.
+void add_rounded(const Look& look, std::vector<std::string>& notes) {
+  if (is_coarse(look.stored_step, look) || !is_coarse(look.coordinate_step, look)) return;
+  notes.push_back("coordinates were rounded to steps of up to " + rounded(look.coordinate_step) +
+                  ", coarse against the noise of " + rounded(look.noise) +
+                  ": noise and shape that are finer than the steps do not show");
 }
 
 void add_sparse(const Look& look, std::vector<std::string>& notes) {
@@ -153,6 +168,7 @@ std::vector<std::string> notes_on(const Look& look) {
   if (add_nothing_to_see(look, notes)) return notes;
   add_coarse_floats(look, notes);
   add_stored_floats(look, notes);
+  add_rounded(look, notes);
   add_sparse(look, notes);
   add_large(look, notes);
   add_long_wave(look, notes);
@@ -220,11 +236,14 @@ double stored_float_step(const Cloud& cloud, const Estimates& estimates) {
 std::vector<std::string> notes_on_cloud(const Estimates& estimates, double stored_step) {
   std::vector<std::string> notes;
   Look look;
+  look.spacing = estimates.spacing;
   look.noise = estimates.noise;
   look.float_step = estimates.float_step;
   look.stored_step = stored_step;
+  look.coordinate_step = estimates.coordinate_step;
   add_coarse_floats(look, notes);
   add_stored_floats(look, notes);
+  add_rounded(look, notes);
   return notes;
 }
 
@@ -236,6 +255,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .diagonal = estimates.diagonal,
                 .float_step = estimates.float_step,
                 .stored_step = stored_step,
+                .coordinate_step = estimates.coordinate_step,
                 .is_noise_given = is_noise_given(asked, report.params),
                 .moved = moved,
                 .finite = estimates.finite,
@@ -263,6 +283,8 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .diagonal = report.diagonal,
                 .float_step = report.float_step,
                 .stored_step = report.stored_float_step,
+                .coordinate_step = report.coordinate_step,
+                .is_noise_known = report.noise || is_noise_given(report.asked, report.params),
                 .is_noise_given = is_noise_given(report.asked, report.params),
                 .moved = report.displacement,
                 .finite = finite,

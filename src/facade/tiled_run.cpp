@@ -229,6 +229,7 @@ TiledReport TiledRun::report() const {
       report.without_surface = state_->without_surface();
       report.noise_is_shared = noise.is_shared;
       report.is_of_lines = noise.is_of_lines;
+      report.coordinate_step = noise.coordinate_step;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
         report.noise_quantiles[q] =
             *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);

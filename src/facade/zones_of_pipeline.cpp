@@ -73,7 +73,8 @@ void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
                         wide->zones().float_step(),
                         found.noise.without_surface,
                         found.noise.is_shared,
-                        found.noise.is_of_lines};
+                        found.noise.is_of_lines,
+                        found.noise.coordinate_step};
   for (std::size_t q = 0; q < estimates->noise_quantiles.size(); ++q)
     estimates->noise_quantiles[q] = found.noise.sigma * (found.levels ? found.levels->quantiles[q] : 1.0);
 }

@@ -110,7 +110,8 @@ void Pipeline::State::measure_all(const std::stop_token& stop) {
                         float_step_of(b, shell.origin),
                         noise().without_surface,
                         noise().is_shared,
-                        noise().is_of_lines};
+                        noise().is_of_lines,
+                        noise().coordinate_step};
 }
 
 // What is believed of the noise, once it was measured.

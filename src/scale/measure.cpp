@@ -228,11 +228,11 @@ namespace {
 template <class Visit>
 void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, Point& sensor, const Visit& visit) {
   auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-         without_surface, is_of_lines] = m.noise;
+         without_surface, is_of_lines, coordinate_step] = m.noise;
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
   visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
             surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-            without_surface, is_of_lines, m.ignored, m.sensor.beam_width, m.copies.within);
+            without_surface, is_of_lines, coordinate_step, m.ignored, m.sensor.beam_width, m.copies.within);
   for (Point* p : {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.copies.corner, &m.frame.reference, &levels.first,
                    &reach_levels.first, &sensor})
     visit_all(p->x, p->y, p->z);

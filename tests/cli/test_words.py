@@ -34,6 +34,17 @@ def forest():
     return ground + crowns
 
 
+def walls_in_floats(at):
+    """Two walls and a floor around a place, in coordinates that were stored as 32-bit floats there."""
+    rng = random.Random(6)
+    def single(value):
+        return struct.unpack("f", struct.pack("f", value))[0]
+    def point(side):
+        u, v, noise = rng.uniform(0, 3), rng.uniform(0, 3), rng.gauss(0, 0.003)
+        return [(u, v, noise), (u, noise, v), (noise, u, v)][side]
+    return [tuple(single(a + b) for a, b in zip(at, point(i % 3))) for i in range(12000)]
+
+
 def write_stl(path, points, side):
     """The grid of points as triangles, each with its own three corners."""
     faces = [face for x in range(side - 1) for y in range(x * side, x * side + side - 1)
@@ -218,6 +229,22 @@ class Words(Case):
             info = self.ok("info", self.path("in.ply")).stdout.decode()
             self.assertEqual("32-bit floats, which lie 0.5 apart" in info, told)
             self.assertIn("attributes  none", info)
+
+    def test_steps_that_hide_all_noise_are_told(self):
+        steps = "rounded to steps of up to 0.5, coarse against the noise of 0"
+        for scalar, says in (("float", "32-bit floats, which lie 0.5 apart"), ("double", steps)):
+            write_ply(self.path("text.ply"), walls_in_floats((500_000, 5_800_000, 100)), scalar=scalar)
+            self.ok("run", self.path("text.ply"), self.path("in.ply"), "--strength", "0", "--encoding", "binary", "--force")
+            for tiles in ([], ["--tiles", "2"]):
+                said = self.said(*tiles)
+                self.assertIn(says, said)
+                self.assertEqual(said.count("coarse against"), 1, said)
+                self.assertNotIn("long-wave", said)
+            self.assertIn(says, self.ok("info", self.path("in.ply")).stdout.decode())
+        grid = [(x, y, 0.01 * x * y) for x in range(60) for y in range(60)]  # whole numbers, by design
+        for points in (walls_in_floats((0, 0, 0)), grid):
+            write_ply(self.path("in.ply"), points, scalar="double")
+            self.assertNotIn("coarse against", self.said())
 
     def test_steps_are_coarse_against_the_noise_that_was_given(self):
         rng = random.Random(1)
