@@ -13,6 +13,7 @@
 #include "estimate/automatic_values.hpp"
 #include "estimate/constants.hpp"
 #include "estimate/coordinate_steps.hpp"
+#include "estimate/far_correlation.hpp"
 #include "estimate/hidden_surface.hpp"
 #include "estimate/node_grid.hpp"
 #include "estimate/noise_levels.hpp"
@@ -21,6 +22,7 @@
 #include "estimate/repeats.hpp"
 #include "estimate/residual_growth.hpp"
 #include "estimate/shared_noise.hpp"
+#include "estimate/typical_noise.hpp"
 #include "pointfair/params.hpp"
 #include "portable.hpp"
 
@@ -66,92 +68,6 @@ Spacing spacing_of(const std::vector<point::SpacingSample>& samples) {
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
-// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
-// plane, as where points lie in rows, they do not tell.
-double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
-  std::vector<double> deviations;
-  for (const point::ResidualSample& sample : samples)
-    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
-  if (deviations.empty() || 2 * deviations.size() < samples.size()) return kEndless;
-  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
-  const double hidden = shown / (kHiddenFromSix * spacing);
-  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
-}
-
-// The fewest nearest points that lie in a plane at most samples; 0 where none do.
-int points_of_planes(std::span<const point::ResidualSample> samples) {
-  for (int size = 0; size < point::kPlaneSizes; ++size) {
-    const auto planes = std::count_if(samples.begin(), samples.end(), [size](const point::ResidualSample& sample) {
-      return sample.planes.variance[size] >= 0;
-    });
-    if (2 * std::size_t(planes) > samples.size()) return point::plane_points(size);
-  }
-  return 0;
-}
-
-// Of the neighbourhoods that are wide against the noise.
-Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
-  std::vector<double> sigmas, spacings, gaps;
-  std::size_t confined = 0, tubes = 0;
-  for (const point::NoiseSample& sample : samples) {
-    tubes += sample.is_tube;
-    if (!sample.shows_noise) continue;
-    sigmas.push_back(sample.sigma);
-    spacings.push_back(sample.spacing);
-    if (!sample.is_wide) ++confined;
-    if (sample.gap > 0) gaps.push_back(sample.gap);
-  }
-  if (sigmas.empty() || tubes > sigmas.size()) return {};  // of tubes of few points no surface shows
-  // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
-  // noise.
-  const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
-  Noise noise{sigma, quantile(spacings, 0.5)};
-  noise.confined = double(confined) / double(sigmas.size());
-  // levels of depth are no sheets
-  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
-    noise.gap = quantile(gaps, kGapQuantile);
-  noise.depth_has_steps = depth_has_steps;
-  noise.is_shared = depth_has_steps;
-  return noise;
-}
-
-// Whether most samples may see two sheets of thin parts, which are too near to each other to be told from one sheet at
-// each of them. Noise that is even between two bounds looks so, too, but ends there. In a small cloud other parts are
-// as near.
-bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
-                 const std::stop_token& stop) {
-  if (queries.size() < kNoiseSamples) return false;
-  std::size_t shown = 0;
-  std::vector<std::uint32_t> thin;
-  std::vector<double> sigmas;
-  for (std::size_t i = 0; i < kNoiseSamples; ++i) {
-    const point::NoiseSample& sample = samples.noise[i];
-    shown += sample.shows_noise;
-    if (!sample.may_be_sheets || sample.is_tube) continue;
-    thin.push_back(queries[i]);
-    sigmas.push_back(sample.sigma);
-  }
-  if (!(double(thin.size()) > kThinShare * double(shown)) || noise_of(samples.noise, false).gap > 0) return false;
-  std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
-  std::erase_if(beyond, [](double share) { return share < 0; });
-  const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);
-  return total > kBeyondEven * double(beyond.size());
-}
-
-// Adds what residuals of fewer points show, in a cloud of so many points.
-void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
-  const int of_planes = points_of_planes(samples), most = point::plane_points(point::kPlaneSizes - 1);
-  noise.surface_points = std::min(of_planes, kMaxMinNeighbors);
-  noise.is_of_lines = points > std::uint64_t(most) && (of_planes == 0 || of_planes > kMaxMinNeighbors);
-  if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
-    const double correlated = correlation(samples);
-    noise.is_shared = correlated >= kMostlyCorrelated;
-    // between two sheets, wide neighbourhoods see the other one and not shape
-    if (noise.gap == 0) noise.shape_to_noise = (1 - correlated) * shape_to_noise(samples);
-  }
-  if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
-}
-
 // What steps add to the noise, in steps. Rounding spreads evenly over one step. The depth of a camera that matches
 // patterns errs by half a step, of half a disparity (Khoshelham and Elberink 2012).
 double noise_of_steps(CoordinateSteps::Kind kind) {
@@ -192,38 +108,6 @@ void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each)
   std::vector<NodeLevels> levels = levels_between(samples.places, fields, for_each);
   result.levels = noise_levels(std::move(levels[0]), fields[0]);
   if (fields.size() > 1) result.reach_levels = std::make_shared<const NodeLevels>(std::move(levels[1]));
-}
-
-// In flat places, of neighbourhoods of 115 points; endless if there are none.
-double widest_residual(std::span<const point::ResidualSample> samples) {
-  std::vector<double> known;
-  for (const point::ResidualSample& sample : samples)
-    if (sample.widest >= 0) known.push_back(sample.widest);
-  return known.empty() ? kEndless : quantile(known, kLeastQuantile);
-}
-
-// Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
-// point as much as between neighbours, among which residuals in flat places grow by `growth` (endless: they are
-// repeats, which tell nothing), and still between every eighth, where it is less against the spacing. Residuals of
-// shape grow more with each scale, those of natural ground stay as large against the spacing, those of a relief of one
-// wavelength end with it, and those of other rough surfaces are large.
-bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, double growth,
-                       const std::stop_token& stop) {
-  const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
-  double at_second = 0;  // residual over the spacing, of every second point
-  for (const int stride : {2, 4, 8}) {
-    const Samples thinned = from.take_samples_by({.stride = stride}, {}, some, stop);
-    const Noise noise = noise_of(thinned.noise, false);
-    const std::vector<point::ResidualSample> residuals = thinned.residuals();
-    const Growth there = residual_growth(residuals);
-    const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
-    if (stride < 8 && !(is_small && correlation(residuals) >= kMostlyCorrelated)) return false;
-    if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
-    const double over_spacing = widest_residual(residuals) / noise.surface_spacing;
-    if (stride == 2) at_second = over_spacing;
-    if (stride == 8 && growth < kEndless && over_spacing > kMostOfSecond * at_second) return false;
-  }
-  return true;
 }
 
 // The rows of pools, with samples numbered among those that show noise; empty if there are no rows.

@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "estimate/typical_noise.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+#include <vector>
+
+#include "estimate/constants.hpp"
+#include "estimate/quantile.hpp"
+#include "estimate/residual_growth.hpp"
+
+namespace pointfair {
+using namespace constants;
+
+namespace {
+
+// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
+// plane, as where points lie in rows, they do not tell.
+double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
+  std::vector<double> deviations;
+  for (const point::ResidualSample& sample : samples)
+    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
+  if (deviations.empty() || 2 * deviations.size() < samples.size()) return kEndless;
+  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
+  const double hidden = shown / (kHiddenFromSix * spacing);
+  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
+}
+
+// The fewest nearest points that lie in a plane at most samples; 0 where none do.
+int points_of_planes(std::span<const point::ResidualSample> samples) {
+  for (int size = 0; size < point::kPlaneSizes; ++size) {
+    const auto planes = std::count_if(samples.begin(), samples.end(), [size](const point::ResidualSample& sample) {
+      return sample.planes.variance[size] >= 0;
+    });
+    if (2 * std::size_t(planes) > samples.size()) return point::plane_points(size);
+  }
+  return 0;
+}
+
+}  // namespace
+
+Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps) {
+  std::vector<double> sigmas, spacings, gaps;
+  std::size_t confined = 0, tubes = 0;
+  for (const point::NoiseSample& sample : samples) {
+    tubes += sample.is_tube;
+    if (!sample.shows_noise) continue;
+    sigmas.push_back(sample.sigma);
+    spacings.push_back(sample.spacing);
+    if (!sample.is_wide) ++confined;
+    if (sample.gap > 0) gaps.push_back(sample.gap);
+  }
+  if (sigmas.empty() || tubes > sigmas.size()) return {};  // of tubes of few points no surface shows
+  // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
+  // noise.
+  const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
+  Noise noise{sigma, quantile(spacings, 0.5)};
+  noise.confined = double(confined) / double(sigmas.size());
+  // levels of depth are no sheets
+  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
+    noise.gap = quantile(gaps, kGapQuantile);
+  noise.depth_has_steps = depth_has_steps;
+  noise.is_shared = depth_has_steps;
+  return noise;
+}
+
+bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
+                 const std::stop_token& stop) {
+  if (queries.size() < kNoiseSamples) return false;
+  std::size_t shown = 0;
+  std::vector<std::uint32_t> thin;
+  std::vector<double> sigmas;
+  for (std::size_t i = 0; i < kNoiseSamples; ++i) {
+    const point::NoiseSample& sample = samples.noise[i];
+    shown += sample.shows_noise;
+    if (!sample.may_be_sheets || sample.is_tube) continue;
+    thin.push_back(queries[i]);
+    sigmas.push_back(sample.sigma);
+  }
+  if (!(double(thin.size()) > kThinShare * double(shown)) || noise_of(samples.noise, false).gap > 0) return false;
+  std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
+  std::erase_if(beyond, [](double share) { return share < 0; });
+  const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);
+  return total > kBeyondEven * double(beyond.size());
+}
+
+void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
+  const int of_planes = points_of_planes(samples), most = point::plane_points(point::kPlaneSizes - 1);
+  noise.surface_points = std::min(of_planes, kMaxMinNeighbors);
+  noise.is_of_lines = points > std::uint64_t(most) && (of_planes == 0 || of_planes > kMaxMinNeighbors);
+  if (noise.sigma < kDoubtfulNoise * noise.surface_spacing) {
+    const double correlated = correlation(samples);
+    noise.is_shared = correlated >= kMostlyCorrelated;
+    // between two sheets, wide neighbourhoods see the other one and not shape
+    if (noise.gap == 0) noise.shape_to_noise = (1 - correlated) * shape_to_noise(samples);
+  }
+  if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
+}
+
+}  // namespace pointfair

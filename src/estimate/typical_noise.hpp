@@ -1,0 +1,27 @@
+// SPDX-License-Identifier: Apache-2.0
+// The noise of a typical place, by what samples of the cloud show.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <stop_token>
+
+#include "estimate/estimate.hpp"
+#include "point/sample.h"
+#include "seam/sampling.hpp"
+
+namespace pointfair {
+
+// Of the neighbourhoods that are wide against the noise.
+Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps);
+
+// Whether most samples may see two sheets of thin parts, which are too near to each other to be told from one sheet at
+// each of them. Noise that is even between two bounds looks so, too, but ends there. In a small cloud other parts are
+// as near.
+bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
+                 const std::stop_token& stop);
+
+// Adds what residuals of fewer points show, in a cloud of so many points.
+void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points);
+
+}  // namespace pointfair
