@@ -160,7 +160,7 @@ std::shared_ptr<Source> read_obj(FileBytes bytes, const std::string& name, const
 }
 
 void write_obj(Table table, const Writing&, Output& out) {
-  use_ply_names(table);
+  use_ply_names(table, ColorDepth::any);  // bytes would be white where there is no colour
   const ByteColors colors = colors_as_bytes(table);
   const auto normals = table.find_all(kNormals);
   const std::vector<std::uint64_t> textures = texture_lines(table.faces.texture);

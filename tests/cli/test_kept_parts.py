@@ -215,6 +215,13 @@ class Contents(Conversion):
             self.assertEqual(lost, [])
             self.assertEqual(less.read_bytes().decode(), text.replace("4;4;70,5;ash\r\n", "", 1))
 
+    def test_points_without_a_colour_have_none_in_a_new_obj(self):
+        rows = [f"{x},{y},{z}," + ("nan,nan,nan" if i % 2 else "255,0,51") for i, (x, y, z) in enumerate(POINTS)]
+        target, lost = self.convert(self.put("some.csv", "x,y,z,red,green,blue\n" + "\n".join(rows)), "some.obj", "--strength", "0")
+        self.assertEqual(lost, [])
+        lines = target.read_text().splitlines()
+        self.assertEqual([line.split()[4:] for line in lines[:4]], [["1", "0", "0.2"], [], ["1", "0", "0.2"], []])
+
     def test_third_texture_coordinates_are_told(self):
         mesh = f"{VERTICES}vt 0 0 0.5\nvt 1 0 0\nvt 1 1\nf 1/1 2/2 12/3\n"
         self.told("a.obj", mesh, "1 third value of texture coordinates")
