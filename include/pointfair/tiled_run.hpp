@@ -30,7 +30,6 @@ struct TiledJob {
   std::filesystem::path output_folder{};        ///< in place of `output`: each input is written there under its name
   Params params{};
   Limits limits{};                ///< without a mask
-  double without_surface = 0;     ///< as in Estimates
   std::string noise_attribute{};  ///< the attribute that has the noise of each point; empty: the noise is estimated
   /// Where the sensor stood, as parse_viewpoints reads it, but one place for all points: "x,y,z", or "none"; empty:
   /// what the inputs say, unknown if they say several places.
@@ -78,7 +77,7 @@ struct TiledReport {
   std::uint64_t copies = 0;                 ///< as in Report
   std::optional<double> spacing, noise;     ///< of the input, if parameters followed from them
   std::array<double, 3> noise_quantiles{};  ///< as in Estimates, where there is a noise
-  double without_surface = 0;               ///< the same
+  double without_surface = 0;               ///< as in Report
   bool noise_is_shared = false;             ///< as in Estimates
   bool is_of_lines = false;                 ///< the same
   double coordinate_step = 0;               ///< the same

@@ -46,11 +46,11 @@ inline constexpr double kLeastRowOffset = 1, kMostRowOffset = 20;  // of what a 
 inline constexpr double kRowJump = 2.2;  // chance is 2.3 or more over a parabola, waves of four rows 2; 141
 
 // Whether neighbours share their noise.
-inline constexpr std::size_t kNearRank = 6, kFarRanks[] = {18, 36};  // points along the plane, nearest first
-inline constexpr double kNearOverFar = 0.9;     // of their differences in height; chance is .96, shared noise .84
-inline constexpr int kPlaneRounds = 2;          // without points that lie far off
-inline constexpr double kFarOffPlane = 4;       // median heights over the plane
-inline constexpr double kMostDifference = 1.3;  // noises; independent ones differ by .95 (median), more is shape
+inline constexpr std::size_t kNearRank = 6, kFarRanks[] = {18, 36};  // points along the plane, nearest first; 075
+inline constexpr double kNearOverFar = 0.9;     // of their differences in height; chance is .96, shared noise .84; 075
+inline constexpr int kPlaneRounds = 2;          // without points that lie far off; 075
+inline constexpr double kFarOffPlane = 4;       // median heights over the plane; 075
+inline constexpr double kMostDifference = 1.3;  // noises; independent ones differ by .95 (median), more is shape; 075
 
 // A surface among what is none.
 inline constexpr double kMessyNoise = 0.4;       // spacings; of more, the nearest points may hide a surface; 165
@@ -113,7 +113,7 @@ inline constexpr int kStepNeighbors = 8, kLevelNeighbors = 60;  // points; 075
 inline constexpr double kRounding = 2.4e-7;                     // extents: 4 units in the last place of a float
 inline constexpr std::size_t kRepeats = 20;                     // of each value, on average, if there are steps; 075
 inline constexpr std::size_t kGlance = 256;                     // values; fewer than half of them are distinct
-inline constexpr double kOverEachOther = 0.1;                   // of neighbours, in coarse steps; on a grid none
+inline constexpr double kOverEachOther = 0.1;                   // of neighbours, in coarse steps; on a grid none; 075
 inline constexpr double kRegularShare = 0.9;                    // of the samples; 141
 inline constexpr double kSameStep = 0.05;                       // of the step; 075
 inline constexpr double kExactPlane = 1e-4;                     // of a neighbourhood's size; 075

@@ -154,7 +154,7 @@ void add_hidden_surface(Estimate& result, const HiddenSurface& hidden, const Clo
     noise.push_back(hidden.on_surface[i] ? hidden.samples[i].sigma : 0);
   }
   result.noise = noise_of(of_surface, false);
-  result.noise.gap = 0;  // a run that sees two sheets everywhere follows no levels, which keep places here
+  result.noise.gap = 0;  // with one, a run follows no levels, and these keep in place what is no surface
   result.noise.without_surface = 1 - double(of_surface.size()) / double(places.size());
   if (!(result.noise.sigma > 0)) return;
   for (double& level : noise) level = portable::log(std::clamp(level / result.noise.sigma, kNextToNone, kLargestLevel));
