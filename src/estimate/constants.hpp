@@ -87,10 +87,10 @@ inline constexpr double kShapeVarianceGrowth = 4;            // ratio of varianc
 inline constexpr double kCorrelatedGrowth[] = {1.14, 1.18};  // ratio in flat places (1.09 is chance); 075
 inline constexpr double kCorrelatedSlowing[] = {1.2, 0.9};   // the next growth over this one; more is shape; 075
 inline constexpr double kMostlyCorrelated = 0.9;             // correlation, 0 to 1; from there on noise is shared; 075
-inline constexpr double kMostFarNoise = 0.45;  // spacings, of these copies and of all points; more is shape; 075
-inline constexpr double kLeastSlowing = 0.25;  // the next growth over one; less is a relief of one wavelength; 075
+inline constexpr double kMostFarNoise = 0.45;         // spacings, of these copies and of all points; more is shape; 075
+inline constexpr double kFarSlowing[] = {0.25, 1.6};  // the next growth over one; less is a relief of one wave; 075
+inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over that of all points; 075
 inline constexpr double kMostOfSecond = 0.83;  // residual over spacing, of every eighth point over every second; 075
-inline constexpr double kMoreGrowth = 0.15;    // of copies thinned by 4 and 8 over that of all points; 075
 
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082

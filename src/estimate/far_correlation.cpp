@@ -28,6 +28,7 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
                        const std::stop_token& stop) {
   const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
   double at_second = 0;  // residual over the spacing, of every second point
+  double at_fourth = 0;  // their growth
   for (const int stride : {2, 4, 8}) {
     const Samples thinned = from.take_samples_by({.stride = stride}, {}, some, stop);
     const Noise noise = noise_of(thinned.noise, false);
@@ -35,7 +36,10 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
     const Growth there = residual_growth(residuals);
     const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
     if (stride < 8 && !(is_small && correlation(residuals) >= kMostlyCorrelated)) return false;
-    if (stride > 2 && (there.slowing() < kLeastSlowing || there.flat > growth + kMoreGrowth)) return false;
+    const bool slows = there.slowing() >= kFarSlowing[0] && there.slowing() <= kFarSlowing[1];
+    if (there.flat > growth + kMoreGrowth || (stride > 2 && !slows)) return false;
+    if (stride == 4) at_fourth = there.flat;
+    if (stride == 8 && there.flat > at_fourth) return false;
     const double over_spacing = widest_residual(residuals) / noise.surface_spacing;
     if (stride == 2) at_second = over_spacing;
     if (stride == 8 && growth < kEndless && over_spacing > kMostOfSecond * at_second) return false;
