@@ -92,6 +92,12 @@ inline constexpr double kFarSlowing[] = {0.25, 1.6};  // the next growth over on
 inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over that of all points; 075
 inline constexpr double kMostOfSecond = 0.83;  // residual over spacing, of every eighth point over every second; 075
 
+// Noise that grows with the square of the distance, as the steps between pixels show it.
+inline constexpr std::size_t kStepGroups = 8;            // of samples; 076
+inline constexpr double kLeastStepRange = 0.5;           // of the logarithms of steps; 076
+inline constexpr double kSquareOfSteps[] = {1.4, 2.85};  // powers of the step; 076
+inline constexpr double kMostSpreadOfSquare = 0.85;      // of residuals over squared steps, of that of residuals; 076
+
 // Noise from place to place.
 inline constexpr double kWideAgainstResiduals = 2.6;  // radius of a neighbourhood that cuts off none; (21); 082
 inline constexpr std::size_t kPool = point::kPool;    // samples whose residuals stand for one place; (21); 082

@@ -22,6 +22,7 @@
 #include "estimate/repeats.hpp"
 #include "estimate/residual_growth.hpp"
 #include "estimate/shared_noise.hpp"
+#include "estimate/triangulation.hpp"
 #include "estimate/typical_noise.hpp"
 #include "pointfair/params.hpp"
 #include "portable.hpp"
@@ -169,17 +170,17 @@ std::shared_ptr<const NodeLevels> times(std::shared_ptr<const NodeLevels> levels
   return std::make_shared<const NodeLevels>(std::move(scaled));
 }
 
-// The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see. Returns how much
-// residuals grow from neighbourhoods of 30 to those of 60 points in flat places.
-double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps, const CloudSample& sample,
-                    int repeats, const ForEach& for_each) {
+// The noise, and its levels and those of the reach, of a cloud whose surface is there for all to see. Returns the
+// residuals of the samples that the noise is of.
+std::vector<point::ResidualSample> add_noise_of(Estimate& result, const Samples& samples, const CoordinateSteps& steps,
+                                                const CloudSample& sample, int repeats, const ForEach& for_each) {
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   Noise& noise = result.noise;
   noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
   noise.repeats = repeats;
   noise.without_surface = noise.surface_spacing > 0 ? 0 : 1;
-  if (noise.without_surface > 0) return 0;
+  if (noise.without_surface > 0) return {};
   std::vector<point::ResidualSample> residuals = samples.residuals();  // of all places
   cover_rounding(steps, residuals);
   if (!depth_has_steps)
@@ -196,13 +197,14 @@ double add_noise_of(Estimate& result, const Samples& samples, const CoordinateSt
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));
-  return residual_growth(std::span(residuals).first(std::min(residuals.size(), kNoiseSamples))).flat;
+  residuals.resize(first);
+  return residuals;
 }
 
 // What samples show.
 struct Seen {
   Estimate estimate;
-  double growth = 1;  // as add_noise_of() returns it
+  std::vector<point::ResidualSample> residuals{};  // as add_noise_of() returns them
   HiddenSurface hidden;
 };
 
@@ -231,7 +233,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     seen = {};
     for_each(rows.empty() ? 1 : 2, [&](std::size_t which) {  // at the same time, since few clouds hide a surface
       if (which == 0)
-        seen.growth = add_noise_of(seen.estimate, samples, steps, sample, repeats, for_each);
+        seen.residuals = add_noise_of(seen.estimate, samples, steps, sample, repeats, for_each);
       else
         seen.hidden = find_hidden_surface(rows, samples.noise, for_each);
     });
@@ -273,12 +275,14 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     add_hidden_surface(of_hidden, seen.hidden, sample, for_each);
     return of_hidden;
   }
-  auto& [result, growth, hidden] = seen;
-  const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless &&
-                     result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
+  auto& [result, residuals, hidden] = seen;
+  const double growth = repeats == 1 ? residual_growth(residuals).flat : kEndless;
+  const bool is_small = result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
+  const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless && is_small;
+  const bool is_matched = (repeats == 1 && is_small && result.noise.depth_has_steps) ||
+                          (grows && errs_by_triangulation(residuals, nearest));
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  if (repeats > 1) growth = kEndless;
-  if (may_be_far && is_correlated_far(from, for_noise, growth, stop)) {
+  if (is_matched || (may_be_far && is_correlated_far(from, for_noise, growth, stop))) {
     repeats = kMostRepeats;
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
