@@ -3,7 +3,6 @@
 // with its estimates, and then of k = 8 in one iteration.
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <chrono>
 #include <cmath>
 #include <iterator>

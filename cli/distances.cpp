@@ -9,7 +9,6 @@
 #include <nanoflann.hpp>
 #include <numbers>
 #include <numeric>
-#include <string>
 
 #include "pointfair/pipeline.hpp"
 

@@ -1,11 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "output.hpp"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <system_error>

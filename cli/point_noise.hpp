@@ -2,7 +2,6 @@
 // Lengths of points in files: the noise, read for --noise NAME and written for --write-noise, and the displacement.
 #pragma once
 
-#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>

@@ -8,7 +8,6 @@
 
 #include "arguments.hpp"
 #include "outlier_action.hpp"
-#include "report.hpp"
 #include "tiled.hpp"
 
 namespace pointfair::cli {

@@ -10,7 +10,6 @@
 #endif
 
 #include <array>
-#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <fstream>

@@ -5,9 +5,7 @@
 #include <filesystem>
 #include <stop_token>
 #include <string>
-#include <vector>
 
-#include "arguments.hpp"
 #include "pointfair/tiled_run.hpp"
 
 namespace pointfair::cli {

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Clouds of positions in the caller's memory.
 #include <utility>
-#include <vector>
 
 #include "io/array_source.hpp"
 #include "io/placed_source.hpp"

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "mesh/folds.hpp"
 
-#include <algorithm>
-
 #include "mesh/blocks.hpp"
 
 namespace pointfair {

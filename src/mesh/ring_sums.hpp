@@ -4,7 +4,6 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <utility>
 
 #include "mesh/blocks.hpp"
 #include "mesh/ordered_faces.hpp"

@@ -5,7 +5,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <span>
-#include <string>
 
 #include "options/height_grid.hpp"
 #include "pointfair/outliers.hpp"

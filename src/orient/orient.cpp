@@ -7,10 +7,8 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
-#include <optional>
 
 #include "orient/agreement.hpp"
 #include "orient/neighbors.hpp"

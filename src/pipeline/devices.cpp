@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/devices.hpp"
 
-#include <algorithm>
 #include <charconv>
 #include <string>
 #include <utility>

@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a pipeline knows of its loaded cloud, measured or given, and the parameters that follow from it.
-#include <algorithm>
 #include <string>
 #include <utility>
 

@@ -6,9 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "pipeline/learned_run.hpp"
 #include "seam/device_memory.hpp"
-#include "seam/overlap.hpp"
 #include "seam/stop.hpp"
 
 namespace pointfair {

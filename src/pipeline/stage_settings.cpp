@@ -1,10 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "pipeline/stage_settings.hpp"
 
-#include <algorithm>
-
-#include "estimate/automatic.hpp"
-#include "estimate/constants.hpp"
 #include "seam/rules.hpp"
 
 namespace pointfair {

@@ -5,12 +5,10 @@
 #include <future>
 #include <limits>
 #include <numeric>
-#include <optional>
 #include <span>
 #include <utility>
 
 #include "tiles/choice.hpp"
-#include "tiles/halo.hpp"
 #include "tiles/tile_run.hpp"
 
 namespace pointfair::scale {

@@ -8,12 +8,10 @@
 #include <optional>
 #include <stop_token>
 
-#include "pipeline/stage_settings.hpp"
 #include "scale/plan.hpp"
 #include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
 #include "seam/backend.hpp"
-#include "tiles/halo.hpp"
 
 namespace pointfair::scale {
 

@@ -2,7 +2,6 @@
 #include "scale/given.hpp"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <functional>

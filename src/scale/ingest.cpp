@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/ingest.hpp"
 
-#include <algorithm>
 #include <atomic>
 #include <map>
 #include <tuple>

@@ -2,10 +2,8 @@
 #include "scale/outlier_edits.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <optional>
-#include <span>
 #include <utility>
 
 #include "options/outlier_values.hpp"

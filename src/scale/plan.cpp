@@ -3,12 +3,10 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <limits>
 #include <map>
 #include <set>
-#include <utility>
 
 #include "estimate/automatic.hpp"
 #include "io/box_of.hpp"
@@ -21,10 +19,8 @@
 #include "platform/free_memory.hpp"
 #include "platform/path_text.hpp"
 #include "pointfair/file_info.hpp"
-#include "pointfair/tiled_run.hpp"
 #include "portable.hpp"
 #include "scale/given.hpp"
-#include "scale/leaf_tree.hpp"
 #include "scale/named_systems.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/plan_text.hpp"

@@ -3,7 +3,6 @@
 // cut. It is frozen in the work folder, and every process that works there reads it.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <filesystem>
 #include <memory>

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "scale/points_file.hpp"
 
-#include <algorithm>
 #include <numeric>
 
 #include "platform/path_text.hpp"

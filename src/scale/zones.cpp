@@ -2,8 +2,6 @@
 #include "scale/zones.hpp"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <memory>
 #include <numbers>
 #include <type_traits>

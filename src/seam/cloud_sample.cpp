@@ -1,12 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "seam/cloud_sample.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
-#include <utility>
 
-#include "point/neighbors.h"
 #include "portable.hpp"
 
 namespace pointfair {

@@ -8,7 +8,6 @@
 #include <array>
 #include <limits>
 #include <memory>
-#include <vector>
 
 #include "seam/stop.hpp"
 
