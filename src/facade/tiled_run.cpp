@@ -43,22 +43,20 @@ auto with_one_kind_of_error(const Work& work) {
 
 // What the last step counted while it wrote.
 void add_written(const std::vector<fs::path>& files, TiledReport& report) {
-  OutlierCounts& outliers = report.unmoved.outliers_by_reason;
+  OutlierTally outliers;
   MoveTally moves;
   for (const fs::path& path : files) {
     const PointsFile written(path);
-    const TaskCounts counts = written.header().counts;
-    outliers.isolated += counts[kIsolatedCount];
-    outliers.off_surface += counts[kOffSurfaceCount];
-    outliers.mixed_pixels += counts[kMixedCount];
-    report.held += counts[kHeldCount];
+    const TaskCounts& counts = written.header().counts;
+    outliers.add(counts.points.unmoved.outliers_by_reason);
+    report.held += counts.held;
+    add(report.outcome, counts.outcome);
     const std::vector<double> numbers = written.numbers();
-    if (numbers.empty()) continue;
-    report.step = std::max(report.step, numbers[0]);
-    add_numbers(std::span(numbers).subspan(1, kOutcomeNumbers), report.outcome);
-    moves.add_numbers(std::span(numbers).subspan(1 + kOutcomeNumbers));
+    report.step = std::max(report.step, numbers.at(0));
+    moves.add_numbers(std::span(numbers).subspan(1));
   }
-  report.unmoved.outliers = outliers.total();
+  report.unmoved.outliers_by_reason = outliers.counts();
+  report.unmoved.outliers = report.unmoved.outliers_by_reason.total();
   report.displacement = moves.displacement();
 }
 

@@ -15,15 +15,9 @@ namespace pointfair::scale {
 namespace {
 
 // Who has moved in the first iteration has not kept its place.
-PointsHeader header_of(const Counts& counts, const std::optional<TaskCounts>& first_counts) {
-  PointsHeader header;
-  header.counts[kTooFewCount] = counts.unmoved.too_few_neighbors;
-  header.counts[kNoNormalCount] = counts.unmoved.no_normal;
-  header.counts[kShortCount] = counts.short_neighborhoods;
-  header.counts[kCopiesCount] = counts.copies;
-  if (first_counts)
-    for (const std::size_t kind : {kTooFewCount, kNoNormalCount, kCopiesCount})
-      header.counts[kind] = (*first_counts)[kind];
+PointsHeader header_of(const Counts& counts, const std::optional<Counts>& first_counts) {
+  PointsHeader header{.counts = {first_counts.value_or(counts)}};
+  header.counts.points.short_neighborhoods = counts.short_neighborhoods;
   return header;
 }
 

@@ -15,16 +15,13 @@
 
 namespace pointfair::scale {
 
-/// What the counts of a tile's file are.
-inline constexpr std::size_t kTooFewCount = 1, kNoNormalCount = 2, kShortCount = 3, kCopiesCount = 4;
-
 struct TileWork {
   const StoredCloud& input;
   LeafRange leaves;                                 ///< of the tree
   FramedSettings stages;                            ///< for offsets from the cloud's origin
   std::uint64_t most_points = 0;                    ///< that are loaded at once
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
-  std::optional<TaskCounts> first_counts{};         ///< the tile's in the first iteration, if this is a further one
+  std::optional<Counts> first_counts{};             ///< the tile's in the first iteration, if this is a further one
 };
 
 /// A tile on its way to its file. One call after the other, each on any thread.

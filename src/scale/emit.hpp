@@ -19,10 +19,6 @@
 
 namespace pointfair::scale {
 
-/// What the counts of a written file are. Its numbers are the step between its coordinates and those of a MoveTally.
-/// After these, the numbers of an OutlierOutcome follow.
-inline constexpr std::size_t kIsolatedCount = 0, kHeldCount = 1, kOffSurfaceCount = 2, kMixedCount = 3;
-
 /// What becomes of the results of the last iteration: as a backend's download() does.
 struct FinalLimits {
   DisplacementLimits limits;

@@ -126,10 +126,8 @@ void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, cons
   const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
   const std::vector<Section> sections = sections_of(taken);
   const std::vector<std::uint32_t> order = Grouped(taken.group_of, taken.groups.size()).order;
-  PointsHeader header{.first_index = chunk.first_point};
-  header.counts[kNonFinite] = chunk.points - order.size();
-  header.counts[kIgnored] = taken.ignored;
-  PointsWriter writer(path, header, sections, taken.shown);
+  PointsWriter writer(path, {.first_index = chunk.first_point, .counts = {.ignored = taken.ignored}}, sections,
+                      taken.shown);
   writer.write<Point>(order, [&](std::uint32_t i) { return taken.points[i]; });
   writer.write(std::span(order));
   writer.finish();

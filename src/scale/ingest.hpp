@@ -10,10 +10,6 @@
 
 namespace pointfair::scale {
 
-/// Which of the counts of an ingested chunk is that of points that are not finite or ignored, and that of finite points
-/// that are ignored.
-inline constexpr std::size_t kNonFinite = 0, kIgnored = 1;
-
 /// Writes the valid points of the chunk relative to the middles of their zones, without those that are ignored, and
 /// what they show of the cloud's origin and zones. Memory: kBytesOfChunkPoint a point.
 void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,

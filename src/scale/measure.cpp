@@ -185,7 +185,7 @@ std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan, const Position& 
 Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
   Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
-  measured.ignored = cloud.counts()[kIgnored];
+  measured.ignored = cloud.ignored();
   WantedEstimates wanted = needed_by(plan.params).estimates;
   measured.sensor.places = sensor_of(plan, plan.origin);
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;

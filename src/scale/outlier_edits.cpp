@@ -103,16 +103,11 @@ HeightGrid load_heights(const std::filesystem::path& path) {
   return {static_cast<int>(exponent), std::move(cells)};
 }
 
-std::vector<double> numbers_of(const OutlierOutcome& outcome) {
-  std::vector<double> numbers(outcome.of_reason.begin(), outcome.of_reason.end());
-  for (const std::uint64_t more : {outcome.low, outcome.high, outcome.thin}) numbers.push_back(double(more));
-  return numbers;
-}
-
-void add_numbers(std::span<const double> numbers, OutlierOutcome& to) {
-  std::size_t at = 0;
-  for (std::uint64_t& count : to.of_reason) count += static_cast<std::uint64_t>(numbers[at++]);
-  for (std::uint64_t* const more : {&to.low, &to.high, &to.thin}) *more += static_cast<std::uint64_t>(numbers[at++]);
+void add(OutlierOutcome& to, const OutlierOutcome& more) {
+  for (std::size_t reason = 0; reason < to.of_reason.size(); ++reason) to.of_reason[reason] += more.of_reason[reason];
+  to.low += more.low;
+  to.high += more.high;
+  to.thin += more.thin;
 }
 
 OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const std::shared_ptr<const Source>& source,
@@ -138,7 +133,7 @@ OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const s
     OutlierOutcome outcome;
     put_outlier_values(action, some.reasons, some.points, heights, part(classes), part(values), outcome);
     const std::lock_guard lock(mutex);
-    add_numbers(numbers_of(outcome), edits.outcome);
+    add(edits.outcome, outcome);
   });
   if (marks) edits.added.push_back(outlier_marks(part_of(source, 0, {}), reasons));
   if (!values.name.empty()) edits.added.push_back(std::move(values));

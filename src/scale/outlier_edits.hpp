@@ -33,11 +33,7 @@ struct OutlierEdits {
   std::vector<std::uint8_t> removed;  ///< of each point; empty: none is
   OutlierOutcome outcome;
 };
-
-/// An outcome as numbers, of which there are kOutcomeNumbers, and back: they are added to what `to` has.
-inline constexpr std::size_t kOutcomeNumbers = 7;
-std::vector<double> numbers_of(const OutlierOutcome& outcome);
-void add_numbers(std::span<const double> numbers, OutlierOutcome& to);
+void add(OutlierOutcome& to, const OutlierOutcome& more);
 
 /// Of the file that the results are of. `heights`: of all files, where the action needs them. Two bytes a point of the
 /// file.

@@ -12,9 +12,10 @@
 #include <vector>
 
 #include "pointfair/cloud.hpp"
+#include "pointfair/outliers.hpp"
 #include "scale/work_file.hpp"
 #include "scale/zones.hpp"
-#include "seam/sampling.hpp"
+#include "seam/backend.hpp"
 
 namespace pointfair::scale {
 
@@ -26,8 +27,13 @@ struct Section {
   std::uint64_t copies = 0;  ///< so many of its last points are copies, which lie where others do, but for rounding
 };
 
-/// What a task counted; what each number is, its task says.
-using TaskCounts = std::array<std::uint64_t, 5>;
+/// What a task counted, where it counts such.
+struct TaskCounts {
+  Counts points{};            ///< with outliers, where a file was written
+  std::uint64_t ignored = 0;  ///< finite points
+  std::uint64_t held = 0;     ///< by the limits, without outliers
+  OutlierOutcome outcome{};
+};
 
 /// What a file begins with.
 struct PointsHeader {

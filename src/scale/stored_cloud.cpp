@@ -52,7 +52,7 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
       its->copies += section.copies;
       unite(its->bounds, {section.min, section.max, section.count});
     }
-    for (std::size_t i = 0; i < stored->counts.size(); ++i) stored->counts[i] += part.file->header().counts[i];
+    stored->ignored += part.file->header().counts.ignored;
     stored->files.push_back(path);
     if (files.size() > kMostOpen) part.file.reset();
     stored->parts.push_back(std::move(part));

@@ -43,8 +43,8 @@ class StoredCloud {
   std::uint32_t tree_leaf(std::uint32_t leaf) const { return stored_->leaves[leaf].of_tree; }
   /// Those of some leaves of the tree.
   LeafRange leaves_of(const LeafRange& of_tree) const;
-  /// What the files' tasks counted, in all.
-  const TaskCounts& counts() const { return stored_->counts; }
+  /// Finite points that are left out.
+  std::uint64_t ignored() const { return stored_->ignored; }
   std::uint64_t count_of(const LeafRange& range) const;
   /// So many of the last points of a leaf are copies, as the iteration before found.
   std::uint64_t copies_of(std::uint32_t leaf) const { return stored_->leaves[leaf].copies; }
@@ -94,7 +94,7 @@ class StoredCloud {
     std::vector<std::filesystem::path> files;
     std::vector<Part> parts;
     std::vector<Leaf> leaves;  // by their numbers in the tree, then by zone
-    TaskCounts counts{};
+    std::uint64_t ignored = 0;
   };
   StoredCloud(std::shared_ptr<const Stored> stored, const Zones& zones, const Position& origin);
   static std::shared_ptr<const Stored> open(const std::vector<std::filesystem::path>& files, std::size_t leaves,

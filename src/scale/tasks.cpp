@@ -16,6 +16,7 @@
 #include "seam/stop.hpp"
 #include "tiles/choice.hpp"
 #include "tiles/feeders.hpp"
+#include "tiles/tile_run.hpp"
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
@@ -164,9 +165,9 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   settings.fairing.is_further = step.iteration > 0;
   if (step.iteration == 0) settings.copies = measured_->copies;  // later ones are stored
   const bool is_last = step.iteration + 1 == folder_.plan.iterations;
-  std::optional<TaskCounts> first_counts;
+  std::optional<Counts> first_counts;
   if (step.iteration > 0)
-    first_counts = PointsFile(folder_.file_of({step.kind, step.iteration - 1}, task)).header().counts;
+    first_counts = PointsFile(folder_.file_of({step.kind, step.iteration - 1}, task)).header().counts.points;
   return {*input_,
           {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
           settings,
@@ -206,18 +207,13 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   fs::create_directories(file.output.parent_path());
   io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
   io::write_moved(file.output, source, results, options, std::move(outliers.added), outliers.removed);
-  PointsHeader header;
-  const OutlierCounts held_back = results.held_back();
-  header.counts[kIsolatedCount] = held_back.isolated;
-  header.counts[kOffSurfaceCount] = held_back.off_surface;
-  header.counts[kMixedCount] = held_back.mixed_pixels;
-  header.counts[kHeldCount] = results.held_by_limits();
+  TaskCounts counts{.held = results.held_by_limits(), .outcome = outliers.outcome};
+  counts.points.unmoved.outliers_by_reason = results.held_back();
+  // which TiledRun::report reads: the step between coordinates, then what a MoveTally holds
   std::vector<double> numbers{options.las_scale.value_or(source->info().step)};
-  const std::vector<double> acted = numbers_of(outliers.outcome);
-  numbers.insert(numbers.end(), acted.begin(), acted.end());
   const std::vector<double> moves = results.moves().numbers();
   numbers.insert(numbers.end(), moves.begin(), moves.end());
-  PointsWriter(folder_.file_of(step, task), header, {}, numbers).finish();
+  PointsWriter(folder_.file_of(step, task), {.counts = counts}, {}, numbers).finish();
 }
 
 TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop) {
@@ -233,13 +229,8 @@ TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> sourc
 
 Counts Tasks::counts() const {
   Counts all;
-  for (const fs::path& path : folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1})) {
-    const TaskCounts counts = PointsFile(path).header().counts;
-    all.unmoved.too_few_neighbors += counts[kTooFewCount];
-    all.unmoved.no_normal += counts[kNoNormalCount];
-    all.short_neighborhoods += counts[kShortCount];
-    all.copies += counts[kCopiesCount];
-  }
+  for (const fs::path& path : folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}))
+    add(all, PointsFile(path).header().counts.points);
   if (resolved_ && !moves_along_normal(resolved_->params.method)) all.unmoved.no_normal = 0;
   all.unmoved.non_finite = folder_.plan.points - measured_->bounds.valid - measured_->ignored;
   return all;
