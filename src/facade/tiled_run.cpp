@@ -234,7 +234,7 @@ TiledReport TiledRun::report() const {
     }
     report.noise_attribute = folder.plan.noise_attribute;
     report.outlier_action = folder.plan.outlier_action;
-    const Zones zones = folder.plan.zones();
+    const Zones zones = folder.plan.zones;
     report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
     if (folder.plan.stores_floats) report.stored_float_step = stored_float_step(report.min, report.max);
     report.systems = scale::named_systems(folder.plan.files);

@@ -79,14 +79,15 @@ void TileResults::limit_some(const Before& whence, const Point* faired, Point* n
 }
 
 Position TileResults::origin_at(const Position& own, const Position& of_file) const {
-  const Zones zones = plan_.zones();
+  const Zones& zones = plan_.zones;
   return zones.are_several() ? zones.middle_of(zones.zone_of(own)) : of_file;
 }
 
 std::vector<Point> TileResults::offsets(std::span<const Position> own, bool in_zones) const {
   std::vector<Point> points;
   points.reserve(own.size());
-  for (const Position& p : own) points.push_back(offset(p, in_zones ? origin_at(p, plan_.origin) : plan_.origin));
+  for (const Position& p : own)
+    points.push_back(offset(p, in_zones ? origin_at(p, plan_.zones.origin) : plan_.zones.origin));
   return points;
 }
 
@@ -96,7 +97,7 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
   const Limits& limits = plan_.limits;
   const bool are_some_ignored = !limits.ignore.empty();
   std::vector<Point> in_cloud;
-  if (plan_.zones().are_several()) in_cloud = offsets(own, false);
+  if (plan_.zones.are_several()) in_cloud = offsets(own, false);
   const std::span<const Point> around_origin = in_cloud.empty() ? before : std::span<const Point>(in_cloud);
   std::vector<point::Outlier> outliers(now.size(), point::Outlier::none);
   std::vector<std::uint8_t> held;
@@ -110,7 +111,7 @@ void TileResults::take(std::uint64_t first, std::span<const Position> own, std::
       if (ignored[i]) seen[i] = {kNan, kNan, kNan};
     limit(first, {seen, around_origin}, now, outliers);
     const std::vector<std::uint8_t> movable = movable_points(limits, here);
-    if (plan_.zones().are_several())  // as of a cloud in memory, whose limits see positions
+    if (plan_.zones.are_several())  // as of a cloud in memory, whose limits see positions
       for (std::size_t i = 0; i < now.size(); ++i)
         if (is_indexed(before[i])) now[i] = moved_offset(before[i], own[i], moved_position(own[i], before[i], now[i]));
     apply_limits(limits, movable, before, now);
@@ -150,7 +151,7 @@ void TileResults::visit_outliers(unsigned threads, const std::function<void(cons
       place_seen(source_, block, plan_.limits, points, unused);
       const std::uint64_t first = source_->block_begin(block);
       std::vector<Point> in_zones = points;
-      if (plan_.zones().are_several()) {
+      if (plan_.zones.are_several()) {
         std::vector<Position> own(points.size());
         source_->positions(block, own);
         in_zones = offsets(own, true);

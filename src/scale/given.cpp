@@ -112,7 +112,7 @@ GivenNoise noise_of_attribute(Inputs& inputs, const Plan& plan, unsigned threads
     std::mutex mutex;
     for (const InputChunk& chunk : plan.chunks) {
       const std::shared_ptr<Source> source = inputs.open(chunk.file);
-      source->place_at(plan.origin);
+      source->place_at(plan.zones.origin);
       const std::size_t column = column_of(*source, plan.noise_attribute);
       io::with_threads(threads, [&] {
         io::for_each_block(chunk.end_block - chunk.first_block, [&](std::size_t i) {

@@ -77,7 +77,7 @@ Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const
   taken.group_of.resize(chunk.points);
   const std::size_t blocks = chunk.end_block - chunk.first_block;
   std::vector<io::OriginSample> offered(blocks, io::OriginSample(plan.points));
-  std::vector<Numbers> numbers(plan.zones().are_several() ? blocks : 0);
+  std::vector<Numbers> numbers(plan.zones.are_several() ? blocks : 0);
   const std::uint64_t first = source->block_begin(chunk.first_block);
   std::atomic<std::uint64_t> ignored = 0;
   io::for_each_block(blocks, [&](std::size_t i) {
@@ -87,8 +87,7 @@ Taken take(const std::shared_ptr<Source>& source, const InputChunk& chunk, const
     const auto points = std::span(taken.points).subspan(at, count);
     ignored += place_seen(source, block, plan.limits, points, offered[i]);
     if (!numbers.empty()) {
-      numbers[i] =
-          group_block(*source, block, plan.zones(), tree, points, std::span(taken.group_of).subspan(at, count));
+      numbers[i] = group_block(*source, block, plan.zones, tree, points, std::span(taken.group_of).subspan(at, count));
       return;
     }
     for (std::size_t p = at; p < at + count; ++p)
@@ -122,7 +121,7 @@ std::vector<Section> sections_of(const Taken& taken) {
 
 void ingest(const std::shared_ptr<Source>& source, const InputChunk& chunk, const Plan& plan, const LeafTree& tree,
             unsigned threads, const std::filesystem::path& path, const std::stop_token& stop) {
-  source->place_at(plan.origin);
+  source->place_at(plan.zones.origin);
   const Taken taken = io::with_threads(threads, [&] { return take(source, chunk, plan, tree, stop); });
   const std::vector<Section> sections = sections_of(taken);
   const std::vector<std::uint32_t> order = Grouped(taken.group_of, taken.groups.size()).order;

@@ -175,19 +175,19 @@ class StoredSampling final : public Sampling, private PointStore {
 };
 
 // Relative to the cloud's origin; null: unknown.
-std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan, const Position& origin) {
+std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan) {
   if (!plan.sensor) return nullptr;
-  return std::make_shared<const SensorPlaces>(SensorPlaces{{offset(*plan.sensor, origin)}});
+  return std::make_shared<const SensorPlaces>(SensorPlaces{{offset(*plan.sensor, plan.zones.origin)}});
 }
 
 }  // namespace
 
 Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
-  Measured measured{plan.origin, cloud.bounds(), {}, {}, {}};
+  Measured measured{plan.zones.origin, cloud.bounds(), {}, {}, {}};
   measured.ignored = cloud.ignored();
   WantedEstimates wanted = needed_by(plan.params).estimates;
-  measured.sensor.places = sensor_of(plan, plan.origin);
+  measured.sensor.places = sensor_of(plan);
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);

@@ -349,9 +349,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   refuse_if(why_not_this_sensor(job, plan.sensor));
   plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });
-  plan.origin = seen.zones.origin;
-  plan.zone_side = seen.zones.side;
-  if (!plan.zones().are_several()) refuse_stray_files(plan.files, seen.extents);
+  plan.zones = seen.zones;
+  if (!plan.zones.are_several()) refuse_stray_files(plan.files, seen.extents);
   const LeafTree tree = cut_into_tiles(plan, seen.sample, job.least_tiles);
   std::error_code failed;
   fs::create_directories(work, failed);

@@ -50,15 +50,12 @@ struct Plan {
   std::uint64_t points = 0;
   int iterations = 1;
   std::size_t tiles = 1;
-  Position origin{};           ///< as guessed; the first measurement corrects it
-  double zone_side = 0;        ///< the same
+  Zones zones;                 ///< as guessed; the first measurement corrects them
   double coordinate_step = 0;  ///< the least of the files'
   bool stores_floats = false;  ///< a binary file does, of its coordinates
-  bool is_placed = false;      ///< origin and zones are known, and not guessed
+  bool is_placed = false;      ///< the zones are known, and not guessed
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;
-
-  Zones zones() const { return {origin, zone_side}; }
 };
 
 /// What a task that takes a chunk in takes of the memory.

@@ -40,9 +40,9 @@ void read_line(const std::string& line, Plan& plan) {
   if (key == "iterations") in >> plan.iterations;
   if (key == "tiles") in >> plan.tiles;
   if (key == "origin")
-    for (double& c : plan.origin) c = parse_number(in);
+    for (double& c : plan.zones.origin) c = parse_number(in);
   if (key == "zones") {
-    plan.zone_side = parse_number(in);
+    plan.zones.side = parse_number(in);
     plan.coordinate_step = parse_number(in);
   }
   if (key == "floats") plan.stores_floats = true;
@@ -105,8 +105,8 @@ std::string text_of(const Plan& plan) {
   out << "memory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations << "\ntiles "
       << plan.tiles << "\n";
   out << "origin";
-  for (const double c : plan.origin) out << " " << text_of(c);
-  out << "\nzones " << text_of(plan.zone_side) << " " << text_of(plan.coordinate_step);
+  for (const double c : plan.zones.origin) out << " " << text_of(c);
+  out << "\nzones " << text_of(plan.zones.side) << " " << text_of(plan.coordinate_step);
   if (plan.stores_floats) out << "\nfloats";
   out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
       << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))

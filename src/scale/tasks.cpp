@@ -105,7 +105,7 @@ void Tasks::get_ready(const WorkStep& step) {
   const WorkStep before =
       step.iteration == 0 ? WorkStep{WorkStep::Kind::ingest} : WorkStep{WorkStep::Kind::denoise, step.iteration - 1};
   input_.reset();
-  input_.emplace(folder_.files_of(before), tree_.leaves(), folder_.plan.zones());
+  input_.emplace(folder_.files_of(before), tree_.leaves(), folder_.plan.zones);
   input_iteration_ = step.iteration;
 }
 
@@ -137,8 +137,8 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
     for (std::size_t task = 0; task < folder_.plan.chunks.size(); ++task) run(before, task, stop);
   };
   if (folder_.is_recut) take_in_again();  // what a process that was killed meanwhile has left to do
-  const Zones zones = folder_.plan.is_placed ? folder_.plan.zones() : zones_of(folder_.files_of(before), folder_.plan);
-  if (zones != folder_.plan.zones()) {
+  const Zones zones = folder_.plan.is_placed ? folder_.plan.zones : zones_of(folder_.files_of(before), folder_.plan);
+  if (zones != folder_.plan.zones) {
     if (folder_.is_recut) throw Error(ErrorKind::failed, "the input shows another origin each time; plan again");
     NewFile file(folder_.path / "origin", sizeof zones);
     file.write(&zones, sizeof zones);
@@ -180,7 +180,7 @@ void Tasks::run_heights(const WorkStep& step, const std::stop_token& stop) {
   HeightGrid heights(folder_.plan.points);
   for (std::size_t file = 0; file < folder_.plan.files.size(); ++file) {
     const auto source = inputs_.open(file);
-    source->place_at(folder_.plan.origin);
+    source->place_at(folder_.plan.zones.origin);
     add_heights(results(file, source, stop), threads(), heights);
   }
   heights.finish();
@@ -194,7 +194,7 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
     io::fail(platform::text_of(file.output), "exists already, which it did not when this was planned; move it away");
   mark(begun);
   const auto source = inputs_.open(task);
-  source->place_at(folder_.plan.origin);
+  source->place_at(folder_.plan.zones.origin);
   const TileResults results = this->results(task, source, stop);
   const HeightGrid heights = needs_heights(folder_.plan.outlier_action)
                                  ? load_heights(folder_.file_of({WorkStep::Kind::heights}, 0))
@@ -255,9 +255,8 @@ void Tasks::run_steps(WorkStep::Kind last, const std::stop_token& stop, const Pr
 }
 
 void Tasks::use_zones(const Zones& zones) {
-  tree_.move(difference(zones.origin, folder_.plan.origin));
-  folder_.plan.origin = zones.origin;
-  folder_.plan.zone_side = zones.side;
+  tree_.move(difference(zones.origin, folder_.plan.zones.origin));
+  folder_.plan.zones = zones;
   folder_.is_recut = true;
 }
 Zones Tasks::load_zones() const {

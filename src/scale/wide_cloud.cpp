@@ -47,8 +47,7 @@ std::unique_ptr<Tasks> WideCloud::tasks_of(const WideJob& job, const MemoryFolde
   plan.memory = HostMemory{.free = platform::free_memory()}.usable();
   plan.points = source_->size();
   plan.iterations = iterations_of(job.params);
-  plan.origin = zones_.origin;
-  plan.zone_side = zones_.side;
+  plan.zones = zones_;
   plan.coordinate_step = coordinate_step_;
   plan.is_placed = true;
   plan.files.push_back({{}, {}, {}, plan.points, 0});
