@@ -71,8 +71,10 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
   tasks->run_steps(WorkStep::Kind::denoise, stop, progress);
   const TileResults moved = tasks->results(0, source_, stop);
   WideResult result;
-  result.params = tasks->params();
-  if (result.params.outliers == Outliers::mark) {
+  Report& report = result.report;
+  report.points = source_->size();
+  report.params = tasks->params();
+  if (report.params.outliers == Outliers::mark) {
     result.outliers.resize(static_cast<std::size_t>(source_->size()));
     moved.visit_outliers(0, [&](const SomeOutliers& some) {
       std::ranges::copy(some.marks, result.outliers.begin() + std::ptrdiff_t(some.first));
@@ -87,11 +89,15 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
     std::copy(moves.values.begin(), moves.values.end(),
               result.positions.begin() + std::ptrdiff_t(source_->block_begin(block)));
   });
-  result.counts = tasks->counts();
-  if (!job.sensor) result.found_sensor = one_sensor(tasks->settings(), tasks->measured().origin);
-  result.without_surface = tasks->without_surface();
-  result.outlier_counts = moved.held_back();
-  result.tiles = tasks->folder().plan.tiles;
+  const Counts counts = tasks->counts();
+  report.unmoved = counts.unmoved;
+  report.unmoved.outliers_by_reason = moved.held_back();
+  report.unmoved.outliers = report.unmoved.outliers_by_reason.total();
+  report.short_neighborhoods = counts.short_neighborhoods;
+  report.copies = counts.copies;
+  report.without_surface = tasks->without_surface();
+  report.tiles = tasks->folder().plan.tiles;
+  if (!job.sensor) report.found_sensor = one_sensor(tasks->settings(), tasks->measured().origin);
   return result;
 }
 

@@ -27,12 +27,7 @@ struct WideJob {
 struct WideResult {
   std::vector<Position> positions;     ///< with all their digits
   std::vector<std::uint8_t> outliers;  ///< the reason of each; empty unless they are to be marked
-  Params params;                       ///< as used
-  Counts counts;
-  OutlierCounts outlier_counts;
-  std::optional<Position> found_sensor;  ///< as in Report
-  double without_surface = 0;            ///< the same
-  std::uint64_t tiles = 1;
+  Report report;                       ///< without the device and the times
 };
 
 class WideCloud {
