@@ -176,22 +176,22 @@ TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_byte
   for (const unsigned char before : {'\0', '\xff'}) {
     Measured measured;
     const Noise noise = noise_over(before);
-    std::memcpy(static_cast<void*>(&measured.noise), &noise, sizeof noise);
+    std::memcpy(static_cast<void*>(&measured.estimate.noise), &noise, sizeof noise);
     measured.origin = {1, 2, 3};
     measured.frame.side = 8;
-    measured.spacing.rho = 9;
+    measured.estimate.spacing.rho = 9;
     measured.ignored = 10;
     save(measured, folder / (before == 0 ? "a" : "b"));
   }
   const Measured loaded = load_measured(folder / "b");
-  EXPECT_EQ(loaded.noise.sigma, 0.5);
-  EXPECT_EQ(loaded.noise.gap, 4);
-  EXPECT_TRUE(loaded.noise.depth_has_steps);
-  EXPECT_EQ(loaded.noise.repeats, 7);
-  EXPECT_TRUE(loaded.noise.is_shared);
+  EXPECT_EQ(loaded.estimate.noise.sigma, 0.5);
+  EXPECT_EQ(loaded.estimate.noise.gap, 4);
+  EXPECT_TRUE(loaded.estimate.noise.depth_has_steps);
+  EXPECT_EQ(loaded.estimate.noise.repeats, 7);
+  EXPECT_TRUE(loaded.estimate.noise.is_shared);
   EXPECT_EQ(loaded.origin, (Position{1, 2, 3}));
   EXPECT_EQ(loaded.frame.side, 8);
-  EXPECT_EQ(loaded.spacing.rho, 9);
+  EXPECT_EQ(loaded.estimate.spacing.rho, 9);
   EXPECT_EQ(loaded.ignored, 10u);
   EXPECT_TRUE(read_text(folder / "a") == read_text(folder / "b"));
 }

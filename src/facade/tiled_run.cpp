@@ -212,25 +212,26 @@ TiledReport TiledRun::report() const {
     report.tiles = folder.plan.tiles;
     report.asked = folder.plan.params;
     report.params = state_->params();
-    const Bounds& bounds = state_->measured().bounds;
-    const Position& origin = state_->measured().origin;
+    const Measured& measured = state_->measured();
+    const Bounds& bounds = measured.bounds;
+    const Position& origin = measured.origin;
     report.min = {origin[0] + bounds.min.x, origin[1] + bounds.min.y, origin[2] + bounds.min.z};
     report.max = {origin[0] + bounds.max.x, origin[1] + bounds.max.y, origin[2] + bounds.max.z};
     report.diagonal = diagonal_of(bounds);
     report.sensor = folder.plan.sensor;
     if (!report.sensor) report.found_sensor = one_sensor(state_->settings(), origin);
     const WantedEstimates needed = needed_by(folder.plan.params).estimates;
-    if (needed.spacing) report.spacing = state_->measured().spacing.mean;
+    if (needed.spacing) report.spacing = measured.estimate.spacing.mean;
     if (needed.noise) {
-      report.noise = state_->measured().noise.sigma;
-      const Noise& noise = state_->measured().noise;
+      const Noise& noise = measured.estimate.noise;
+      const auto& levels = measured.estimate.levels;
+      report.noise = noise.sigma;
       report.without_surface = state_->without_surface();
       report.noise_is_shared = noise.is_shared;
       report.is_of_lines = noise.is_of_lines;
       report.coordinate_step = noise.coordinate_step;
       for (std::size_t q = 0; q < report.noise_quantiles.size(); ++q)
-        report.noise_quantiles[q] =
-            *report.noise * (state_->measured().levels ? state_->measured().levels->quantiles[q] : 1.0);
+        report.noise_quantiles[q] = noise.sigma * (levels ? levels->quantiles[q] : 1.0);
     }
     report.noise_attribute = folder.plan.noise_attribute;
     report.outlier_action = folder.plan.outlier_action;
@@ -238,7 +239,7 @@ TiledReport TiledRun::report() const {
     report.float_step = zones.are_several() ? zones.float_step() : float_step_of(bounds, origin);
     if (folder.plan.stores_floats) report.stored_float_step = stored_float_step(report.min, report.max);
     report.systems = scale::named_systems(folder.plan.files);
-    report.ignored = state_->measured().ignored;
+    report.ignored = measured.ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
     report.short_neighborhoods = counts.short_neighborhoods;

@@ -51,22 +51,7 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
 void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
   if (estimates) return;
   const scale::Measured found = wide->measure({{}, {}, false, given_noise_}, stop);
-  const Bounds& b = found.bounds;
-  estimates = Estimates{{b.min.x, b.min.y, b.min.z},
-                        {b.max.x, b.max.y, b.max.z},
-                        diagonal_of(b),
-                        found.spacing.mean,
-                        found.noise.sigma,
-                        cloud.points(),
-                        b.valid,
-                        {},
-                        wide->zones().float_step(),
-                        found.noise.without_surface,
-                        found.noise.is_shared,
-                        found.noise.is_of_lines,
-                        found.noise.coordinate_step};
-  for (std::size_t q = 0; q < estimates->noise_quantiles.size(); ++q)
-    estimates->noise_quantiles[q] = found.noise.sigma * (found.levels ? found.levels->quantiles[q] : 1.0);
+  tell(found.estimate, found.bounds, wide->zones().float_step());
 }
 
 void Pipeline::State::run_for_normals(const std::stop_token& stop) {

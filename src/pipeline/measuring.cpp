@@ -10,16 +10,6 @@
 #include "seam/sampling.hpp"
 
 namespace pointfair {
-namespace {
-
-std::array<double, 3> noise_quantiles(double sigma, const NoiseLevels* levels) {
-  std::array<double, 3> result{sigma, sigma, sigma};
-  if (levels != nullptr)
-    for (std::size_t q = 0; q < result.size(); ++q) result[q] *= levels->quantiles[q];
-  return result;
-}
-
-}  // namespace
 
 const CloudSample& Pipeline::State::sample() {
   if (!cloud.sample) cloud.sample = cloud.backend().sampling().sample_cloud(kSampledPoints);
@@ -97,20 +87,27 @@ void Pipeline::State::look_at_neighbors(IndexOrder order, const std::stop_token&
 
 void Pipeline::State::measure_all(const std::stop_token& stop) {
   attempt([&] { measure({true, true}, IndexOrder::along_curve, stop); });  // as the default run's
-  const Bounds& b = cloud.sample->bounds;
-  estimates = Estimates{{b.min.x, b.min.y, b.min.z},
-                        {b.max.x, b.max.y, b.max.z},
-                        diagonal_of(b),
-                        spacing(true)->mean,
-                        noise().sigma,
-                        cloud.points(),
-                        b.valid,
-                        noise_quantiles(noise().sigma, levels().get()),
-                        float_step_of(b, shell.origin),
-                        noise().without_surface,
-                        noise().is_shared,
-                        noise().is_of_lines,
-                        noise().coordinate_step};
+  const Bounds& bounds = cloud.sample->bounds;
+  tell({*spacing(true), noise(), levels()}, bounds, float_step_of(bounds, shell.origin));
+}
+
+void Pipeline::State::tell(const Estimate& found, const Bounds& bounds, double float_step) {
+  const Noise& noise = found.noise;
+  estimates = Estimates{.min = {bounds.min.x, bounds.min.y, bounds.min.z},
+                        .max = {bounds.max.x, bounds.max.y, bounds.max.z},
+                        .diagonal = diagonal_of(bounds),
+                        .spacing = found.spacing.mean,
+                        .noise = noise.sigma,
+                        .points = cloud.points(),
+                        .finite = bounds.valid,
+                        .noise_quantiles = {noise.sigma, noise.sigma, noise.sigma},
+                        .float_step = float_step,
+                        .without_surface = noise.without_surface,
+                        .noise_is_shared = noise.is_shared,
+                        .is_of_lines = noise.is_of_lines,
+                        .coordinate_step = noise.coordinate_step};
+  for (std::size_t q = 0; found.levels && q < estimates->noise_quantiles.size(); ++q)
+    estimates->noise_quantiles[q] *= found.levels->quantiles[q];
 }
 
 // What is believed of the noise, once it was measured.

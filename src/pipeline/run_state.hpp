@@ -42,6 +42,7 @@ struct Pipeline::State {
   bool runs_together(const Params& params);
   Params resolve(const Params& params, const std::stop_token& stop);
   void measure_all(const std::stop_token& stop);
+  void tell(const Estimate& found, const Bounds& bounds, double float_step);  // as estimates
   void normals(std::span<Point> out, const std::stop_token& stop);
   void normals(const DeviceOutput& out, DeviceStream stream);
   void set_noise(std::span<const float> sigmas);

@@ -184,10 +184,10 @@ std::shared_ptr<const SensorPlaces> sensor_of(const Plan& plan) {
 
 Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional<GivenNoise>& given, Backend& backend,
                  const std::stop_token& stop) {
-  Measured measured{plan.zones.origin, cloud.bounds(), {}, {}, {}};
-  measured.ignored = cloud.ignored();
+  Measured measured{plan.zones.origin, cloud.bounds(), {}, {}, {}, cloud.ignored()};
   WantedEstimates wanted = needed_by(plan.params).estimates;
-  measured.sensor.places = sensor_of(plan);
+  Estimate& its = measured.estimate;
+  its.sensor.places = sensor_of(plan);
   const bool may_seek = plan.sensor && plan.params.outliers != Outliers::off;
   if (!wanted.spacing && !wanted.noise && !sums_within_radius(plan.params) && !may_seek) return measured;
   StoredSampling sampling(cloud, plan, backend);
@@ -209,15 +209,15 @@ Measured measure(const StoredCloud& cloud, const Plan& plan, const std::optional
       sample = once;
     }
   }
-  if (wanted.spacing) measured.spacing = found.spacing;
+  if (wanted.spacing) its.spacing = found.spacing;
   if (wanted.noise) {
-    measured.noise = given ? with_given(found.noise, *given) : found.noise;
-    measured.levels = given ? given->levels : found.levels;
-    measured.reach_levels = found.reach_levels;
-    if (plan.seeks_sensor) measured.sensor = found.sensor;
+    its.noise = given ? with_given(found.noise, *given) : found.noise;
+    its.levels = given ? given->levels : found.levels;
+    its.reach_levels = found.reach_levels;
+    if (plan.seeks_sensor) its.sensor = found.sensor;
   }
   if (may_seek && seeks_mixed_pixels(resolve(plan, measured).params))
-    measured.sensor.beam_width = beam_width(beam_samples(sampling, sample, *measured.sensor.places));
+    its.sensor.beam_width = beam_width(beam_samples(sampling, sample, *its.sensor.places));
   return measured;
 }
 
@@ -228,11 +228,12 @@ namespace {
 template <class Visit>
 void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, Point& sensor, const Visit& visit) {
   auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-         without_surface, is_of_lines, coordinate_step] = m.noise;
+         without_surface, is_of_lines, coordinate_step] = m.estimate.noise;
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
-  visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.spacing.mean, m.spacing.rho, sigma,
-            surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-            without_surface, is_of_lines, coordinate_step, m.ignored, m.sensor.beam_width, m.copies.within);
+  visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.estimate.spacing.mean,
+            m.estimate.spacing.rho, sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined,
+            surface_points, repeats, is_shared, without_surface, is_of_lines, coordinate_step, m.ignored,
+            m.estimate.sensor.beam_width, m.copies.within);
   for (Point* p : {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.copies.corner, &m.frame.reference, &levels.first,
                    &reach_levels.first, &sensor})
     visit_all(p->x, p->y, p->z);
@@ -245,9 +246,10 @@ void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, P
 void save(const Measured& measured, const std::filesystem::path& path) {
   constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
   Measured m = measured;
-  NoiseLevels levels = m.levels ? *m.levels : NoiseLevels{};
-  NodeLevels reach_levels = m.reach_levels ? *m.reach_levels : NodeLevels{};
-  Point sensor = m.sensor.places ? m.sensor.places->places.front() : Point{kNaN, kNaN, kNaN};
+  const Estimate& its = measured.estimate;
+  NoiseLevels levels = its.levels ? *its.levels : NoiseLevels{};
+  NodeLevels reach_levels = its.reach_levels ? *its.reach_levels : NodeLevels{};
+  Point sensor = its.sensor.places ? its.sensor.places->places.front() : Point{kNaN, kNaN, kNaN};
   std::vector<double> numbers;
   visit_numbers(m, levels, reach_levels, sensor, [&](const auto& number) { numbers.push_back(double(number)); });
   NewFile file(path,
@@ -278,17 +280,17 @@ Measured load_measured(const std::filesystem::path& path) {
     its->levels.resize(std::size_t(its->nodes) * std::size_t(its->nodes) * std::size_t(its->nodes));
     read(std::span(its->levels));
   }
-  if (levels.nodes > 0) m.levels = std::make_shared<NoiseLevels>(std::move(levels));
-  if (is_indexed(sensor)) m.sensor.places = std::make_shared<const SensorPlaces>(SensorPlaces{{sensor}});
-  if (reach_levels.nodes > 0) m.reach_levels = std::make_shared<NodeLevels>(std::move(reach_levels));
+  if (levels.nodes > 0) m.estimate.levels = std::make_shared<NoiseLevels>(std::move(levels));
+  if (is_indexed(sensor)) m.estimate.sensor.places = std::make_shared<const SensorPlaces>(SensorPlaces{{sensor}});
+  if (reach_levels.nodes > 0) m.estimate.reach_levels = std::make_shared<NodeLevels>(std::move(reach_levels));
   return m;
 }
 
 RunSettings resolve(const Plan& plan, const Measured& measured) {
-  const Estimate found{measured.spacing, measured.noise, measured.levels, measured.reach_levels,
-                       plan.sensor ? KnownSensor{} : measured.sensor};
-  const Resolved used = pointfair::resolve(plan.params, found, diagonal_of(measured.bounds));
-  return {used.params, settings_of(used, plan.sensor ? measured.sensor : KnownSensor{}), used.followed.without_surface};
+  Estimate found = measured.estimate;
+  const KnownSensor given = plan.sensor ? std::exchange(found.sensor, {}) : KnownSensor{};
+  const Resolved used = pointfair::resolve(plan.params, std::move(found), diagonal_of(measured.bounds));
+  return {used.params, settings_of(used, given), used.followed.without_surface};
 }
 
 }  // namespace pointfair::scale

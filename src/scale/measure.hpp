@@ -19,14 +19,10 @@ namespace pointfair::scale {
 struct Measured {
   Position origin{};  ///< what places of the sample, and with them the levels, are relative to
   Bounds bounds;
-  Frame frame;  ///< zero where sums run over lists
-  Spacing spacing;
-  Noise noise;                                  ///< this and the spacing are zero where no parameter follows from them
-  std::shared_ptr<const NoiseLevels> levels{};  ///< null: 1 everywhere
-  std::shared_ptr<const NodeLevels> reach_levels{};  ///< the same
-  CopyRule copies{};                                 ///< of points that are set aside
-  std::uint64_t ignored = 0;                         ///< finite points that were left out
-  KnownSensor sensor{};                              ///< of the place that the plan says, or found
+  Frame frame;        ///< zero where sums run over lists
+  Estimate estimate;  ///< zero where no parameter follows from it; the sensor's place is the plan's, or was found
+  CopyRule copies{};  ///< of points that are set aside
+  std::uint64_t ignored = 0;  ///< finite points that were left out
 };
 
 /// Measures what the parameters of the plan follow from, as a pipeline does with the whole cloud. `given`: the noise,
