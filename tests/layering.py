@@ -43,7 +43,7 @@ RULES = {
     "src/cuda/": (["src/cuda/", "src/point/", "src/seam/", *DATA], ON_CARD),
     "src/estimate/": (["src/estimate/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
     "src/mesh/": (["src/mesh/", "src/point/", "src/seam/", *DATA, PLATFORM, PORTABLE], ()),
-    "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PORTABLE], ()),
+    "src/tiles/": (["src/tiles/", "src/point/", "src/seam/", *DATA, PLATFORM, PORTABLE], ()),
     "src/pipeline/": (["src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
     "src/scale/": (["src/scale/", "src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", "src/options/", PUBLIC, PLATFORM, PORTABLE], ()),
     "src/facade/": (["src/facade/", "src/scale/", "src/pipeline/", "src/tiles/choice.hpp", "src/estimate/", "src/seam/", "src/io/", PUBLIC, PLATFORM], ()),

@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "platform/large_vector.hpp"
 #include "point/outliers.h"
 #include "seam/clock.hpp"
 #include "seam/exactness.hpp"
@@ -20,28 +21,13 @@ namespace {
 
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
-// Points whose memory is first touched by the threads that write them.
-class Room {
- public:
-  void resize(std::size_t count) {
-    if (count > capacity_) {
-      points_.reset();  // nothing of it is needed
-      capacity_ = 0;
-      points_ = std::make_unique_for_overwrite<Point[]>(count);
-      capacity_ = count;
-    }
-    count_ = count;
-  }
-  std::size_t size() const { return count_; }
-  std::size_t capacity() const { return capacity_; }
-  std::span<Point> points() { return {points_.get(), count_}; }
-  std::span<const Point> points() const { return {points_.get(), count_}; }
-  const Point& operator[](std::size_t i) const { return points_[i]; }
+using Room = platform::LargeVector<Point>;
 
- private:
-  std::unique_ptr<Point[]> points_;
-  std::size_t count_ = 0, capacity_ = 0;
-};
+// What the room held is not kept.
+void make_room(Room& room, std::size_t count) {
+  if (count > room.capacity()) room = {};
+  room.resize(count);
+}
 
 // The points of a cut cloud, and room for the results of all of them.
 class HostStore final : public PointStore {
@@ -114,16 +100,16 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   HostBuffer host_buffer(std::size_t count) override { return backends_[0]->host_buffer(count); }
 
   void upload(std::span<const Point> points, IndexOrder) override {
-    cloud_.resize(points.size());
-    copy(points, cloud_.points());
+    make_room(cloud_, points.size());
+    copy(points, cloud_);
     for (TileWorker& worker : workers_) worker.peak_host_bytes = worker.peak_device_bytes = 0;
     copies_.clear();
     forget_results();
   }
   void set_aside(std::vector<Copy> copies) override {
-    for (const Copy& copy : copies_) cloud_.points()[copy.point] = copy.place;
+    for (const Copy& copy : copies_) cloud_[copy.point] = copy.place;
     copies_ = std::move(copies);
-    for (const Copy& copy : copies_) cloud_.points()[copy.point] = {kNan, kNan, kNan};
+    for (const Copy& copy : copies_) cloud_[copy.point] = {kNan, kNan, kNan};
     forget_results();
   }
 
@@ -148,9 +134,9 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     const auto start = Clock::now();
     Iteration& its = held(iteration);
     its.stages.fairing = settings;
-    its.faired.resize(cloud_.size());
-    copy_invalid(input_of(iteration), its.faired.points());
-    its.counts = run(iteration, TileRun::Result::points, its.faired.points(), stop);
+    make_room(its.faired, cloud_.size());
+    copy_invalid(input_of(iteration), its.faired);
+    its.counts = run(iteration, TileRun::Result::points, its.faired, stop);
     its.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid - copies_.size();
     add_copies(copies_, cloud_.size(), its.counts, [&](std::span<unsigned char> outcomes) {
       std::copy(outcomes_.begin(), outcomes_.end(), outcomes.begin());
@@ -195,7 +181,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     return held_back.counts();
   }
   void download_input(std::span<Point> points) override {
-    copy(cloud_.points(), points);
+    copy(cloud_, points);
     for (const Copy& copy : copies_) points[copy.point] = copy.place;
   }
   // Normals are not kept: the tiles are computed again.
@@ -237,7 +223,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     TaskQueue<const Cut::Tile*> tiles;
     for (const Cut::Tile& tile : first_.cut->tiles()) tiles.put(&tile);
     const ForEach each = on_host();
-    HostStore store(*first_.cut, cloud_.points(), {}, tiling_.most_points, each);
+    HostStore store(*first_.cut, cloud_, {}, tiling_.most_points, each);
     on_feeders(tiling_.feeders, [&](std::size_t feeder) {
       TileWorker& worker = workers_of(workers_, feeder, tiling_.feeders).front();
       while (const auto tile = tiles.take(false)) {
@@ -260,7 +246,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     return iteration == 0 ? first_ : further_;
   }
   std::span<const Point> input_of(int iteration) const {
-    return (iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_).points();
+    return iteration == 0 ? cloud_ : iteration == 1 ? first_.faired : input_;
   }
   void forget_results() {
     first_.cut.reset();
