@@ -65,19 +65,6 @@ std::shared_ptr<const TileResults::Held> TileResults::hold(std::size_t chunk) co
   return held;
 }
 
-void TileResults::limit_some(const Before& whence, const Point* faired, Point* now, point::Outlier* outliers) const {
-  const std::span<const Point> before = whence.in_zones;
-  const point::NodeField field = field_of(limits_.limits.levels.get());
-  for (std::size_t i = 0; i < before.size(); ++i) {
-    now[i] = is_indexed(before[i]) ? faired[i] : before[i];
-    if (!limits_.may_hold_back || !is_indexed(before[i])) continue;
-    const float level = point::node_value(field, to_vec3(whence.in_cloud[i]));
-    const auto limited = point::limited(to_vec3(before[i]), to_vec3(faired[i]), limits_.limits, level);
-    now[i] = {limited.place.x, limited.place.y, limited.place.z};
-    outliers[i] = limited.outlier;
-  }
-}
-
 Position TileResults::origin_at(const Position& own, const Position& of_file) const {
   const Zones& zones = plan_.zones;
   return zones.are_several() ? zones.middle_of(zones.zone_of(own)) : of_file;
@@ -173,18 +160,23 @@ void TileResults::visit_outliers(unsigned threads, const std::function<void(cons
 
 void TileResults::limit(std::uint64_t first, const Before& before, std::span<Point> now,
                         std::span<point::Outlier> outliers) const {
-  const std::vector<InputChunk>& chunks = plan_.chunks;
   throw_if_stopped(stop_);
-  std::uint64_t index = first_point_ + first;
-  for (std::size_t done = 0; done < now.size();) {
-    const std::size_t chunk = chunk_of(chunks, index);
-    const auto held = hold(chunk);
-    const std::size_t from = index - chunks[chunk].first_point;
-    const std::size_t count = std::min(now.size() - done, held->points.size() - from);
-    const Before some{before.in_zones.subspan(done, count), before.in_cloud.subspan(done, count)};
-    limit_some(some, &held->points[from], &now[done], &outliers[done]);
-    done += count;
-    index += count;
+  const point::NodeField field = field_of(limits_.limits.levels.get());
+  std::shared_ptr<const Held> held;
+  std::size_t at = 0;  // among its points
+  for (std::size_t i = 0; i < now.size(); ++i, ++at) {
+    if (!held || at == held->points.size()) {
+      const std::uint64_t index = first_point_ + first + i;
+      held = hold(chunk_of(plan_.chunks, index));
+      at = std::size_t(index - plan_.chunks[held->chunk].first_point);
+    }
+    const Point &from = before.in_zones[i], &to = held->points[at];
+    now[i] = is_indexed(from) ? to : from;
+    if (!limits_.may_hold_back || !is_indexed(from)) continue;
+    const float level = point::node_value(field, to_vec3(before.in_cloud[i]));
+    const auto limited = point::limited(to_vec3(from), to_vec3(to), limits_.limits, level);
+    now[i] = {limited.place.x, limited.place.y, limited.place.z};
+    outliers[i] = limited.outlier;
   }
 }
 

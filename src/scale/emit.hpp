@@ -60,7 +60,6 @@ class TileResults final : public io::MovedPoints {
     std::span<const Point> in_zones, in_cloud;
   };
   void limit(std::uint64_t first, const Before& before, std::span<Point> now, std::span<point::Outlier> outliers) const;
-  void limit_some(const Before& before, const Point* faired, Point* now, point::Outlier* outliers) const;
   void tally(std::span<const Point> before, std::span<const Point> now, std::span<const point::Outlier> outliers) const;
   std::vector<Point> offsets(std::span<const Position> own, bool in_zones) const;
 
