@@ -117,12 +117,10 @@ void StoredCloud::bring(std::uint32_t leaf, std::span<Point> points) const {
   for (Point& p : points) p = shifted(p, shift);
 }
 
-std::uint64_t StoredCloud::count_of(const LeafRange& range) const { return bounds_of(range).valid; }
-
-Bounds StoredCloud::bounds_of(const LeafRange& range) const {
-  Bounds all = kNoBounds;
-  for (std::uint32_t leaf = range.begin; leaf < range.end; ++leaf) unite(all, leaf_bounds_[leaf]);
-  return all;
+std::uint64_t StoredCloud::count_of(const LeafRange& range) const {
+  std::uint64_t count = 0;
+  for (std::uint32_t leaf = range.begin; leaf < range.end; ++leaf) count += leaf_bounds_[leaf].valid;
+  return count;
 }
 
 template <class IsWanted, class Visit>

@@ -48,7 +48,6 @@ class StoredCloud {
   std::uint64_t count_of(const LeafRange& range) const;
   /// So many of the last points of a leaf are copies, as the iteration before found.
   std::uint64_t copies_of(std::uint32_t leaf) const { return stored_->leaves[leaf].copies; }
-  Bounds bounds_of(const LeafRange& range) const;
 
   /// The points of the leaves, leaf after leaf, and in the same order their indices in the input; of both, what is
   /// given.
