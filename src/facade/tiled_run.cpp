@@ -16,7 +16,6 @@
 #include "platform/path_text.hpp"
 #include "pointfair/run_notes.hpp"
 #include "scale/emit.hpp"
-#include "scale/named_systems.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/points_file.hpp"
 #include "scale/tasks.hpp"

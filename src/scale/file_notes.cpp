@@ -2,11 +2,15 @@
 #include "scale/file_notes.hpp"
 
 #include <algorithm>
+#include <map>
+#include <utility>
 
 #include "io/remaining_source.hpp"
 #include "io/streamed.hpp"
+#include "pointfair/file_info.hpp"
 #include "pointfair/run_notes.hpp"
 #include "scale/outlier_edits.hpp"
+#include "scale/plan.hpp"
 
 namespace pointfair::scale {
 
@@ -34,6 +38,30 @@ void refuse_losses(const std::filesystem::path& output, const std::vector<FileNo
   for (const FileNote& note : notes)
     if (note.kind == FileNote::Kind::loss || note.kind == FileNote::Kind::loss_by_removal) lost.push_back(note.text);
   io::refuse_losses(output, lost);
+}
+
+std::string coordinate_system_of(const Source& source) {
+  std::string system;
+  for (const auto& [name, value] : source.info().rows)
+    if (name == "coordinate_system") system = value;
+  for (char& c : system)
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  return system;
+}
+
+std::vector<NamedSystem> named_systems(std::span<const InputFile> files) {
+  std::map<std::string, NamedSystem> of_codes;
+  for (const InputFile& file : files) {
+    const std::size_t code = file.coordinate_system.rfind("EPSG:");
+    if (code == std::string::npos) continue;  // the same system may have many names
+    NamedSystem& system = of_codes[file.coordinate_system.substr(code)];
+    if (system.files++ == 0) system = {file.coordinate_system, 1, file.path};
+  }
+  std::vector<NamedSystem> systems;
+  for (auto& [code, system] : of_codes) systems.push_back(std::move(system));
+  std::stable_sort(systems.begin(), systems.end(),
+                   [](const NamedSystem& a, const NamedSystem& b) { return a.files > b.files; });
+  return systems;
 }
 
 }  // namespace pointfair::scale

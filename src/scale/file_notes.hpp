@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a run in tiles will tell of each of its files, known when it is planned.
+// What a run in tiles will tell of its files, known of each when it is planned.
 #pragma once
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -30,5 +31,12 @@ std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const 
 
 /// Throws Error(file) where notes tell of losses.
 void refuse_losses(const std::filesystem::path& output, const std::vector<FileNote>& notes);
+
+/// The coordinate system of a file in one line; empty: it does not say.
+std::string coordinate_system_of(const Source& source);
+
+struct InputFile;
+/// The systems that the files name with an EPSG code, those of most files first.
+std::vector<NamedSystem> named_systems(std::span<const InputFile> files);
 
 }  // namespace pointfair::scale

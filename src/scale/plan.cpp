@@ -21,7 +21,6 @@
 #include "pointfair/file_info.hpp"
 #include "portable.hpp"
 #include "scale/given.hpp"
-#include "scale/named_systems.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
