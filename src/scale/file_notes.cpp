@@ -2,6 +2,7 @@
 #include "scale/file_notes.hpp"
 
 #include <algorithm>
+#include <functional>
 #include <map>
 #include <utility>
 
@@ -59,8 +60,7 @@ std::vector<NamedSystem> named_systems(std::span<const InputFile> files) {
   }
   std::vector<NamedSystem> systems;
   for (auto& [code, system] : of_codes) systems.push_back(std::move(system));
-  std::stable_sort(systems.begin(), systems.end(),
-                   [](const NamedSystem& a, const NamedSystem& b) { return a.files > b.files; });
+  std::ranges::stable_sort(systems, std::greater(), &NamedSystem::files);
   return systems;
 }
 

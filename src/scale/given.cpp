@@ -18,7 +18,7 @@ namespace {
 
 std::size_t column_of(const Source& source, const std::string& name) {
   const std::vector<io::Column> columns = source.columns();
-  const auto its = std::find_if(columns.begin(), columns.end(), [&](const auto& c) { return c.name == name; });
+  const auto its = std::ranges::find(columns, name, &io::Column::name);
   if (its != columns.end() && its->components == 1) return static_cast<std::size_t>(its - columns.begin());
   std::string known;
   for (const io::Column& column : columns)

@@ -224,8 +224,7 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
 }  // namespace
 
 std::size_t chunk_of(std::span<const InputChunk> chunks, std::uint64_t point) {
-  const auto after = std::upper_bound(chunks.begin(), chunks.end(), point,
-                                      [](std::uint64_t i, const InputChunk& c) { return i < c.first_point; });
+  const auto after = std::ranges::upper_bound(chunks, point, {}, &InputChunk::first_point);
   return std::size_t(after - chunks.begin()) - 1;
 }
 
@@ -376,11 +375,8 @@ Plan read_plan(const fs::path& work) {
 std::string difference(const TiledJob& job, const Plan& plan) {
   check_job(job);
   const std::vector<InputFile> files = files_of(job);
-  const auto same = [](const InputFile& a, const InputFile& b) { return a.path == b.path; };
-  const auto same_output = [](const InputFile& a, const InputFile& b) { return a.output == b.output; };
-  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same)) return "other inputs";
-  if (!std::equal(files.begin(), files.end(), plan.files.begin(), plan.files.end(), same_output))
-    return "other outputs";
+  if (!std::ranges::equal(files, plan.files, {}, &InputFile::path, &InputFile::path)) return "other inputs";
+  if (!std::ranges::equal(files, plan.files, {}, &InputFile::output, &InputFile::output)) return "other outputs";
   if (job.memory != 0 && memory_of_task(job) != plan.memory) return "another --memory, or for other cards";
   if (job.limits != plan.limits) return "other limits";
   if (job.noise_attribute != plan.noise_attribute) return "another --noise";

@@ -27,16 +27,14 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
                                                              std::size_t leaves, const Zones& zones) {
   constexpr std::size_t kMostOpen = 100;  // macOS lets a process have 256
   const auto stored = std::make_shared<Stored>();
-  const auto comes_before = [](const Leaf& a, const Leaf& b) {
-    return std::tie(a.of_tree, a.zone) < std::tie(b.of_tree, b.zone);
-  };
-  const auto is_same = [](const Leaf& a, const Leaf& b) { return a.of_tree == b.of_tree && a.zone == b.zone; };
+  const auto place_of = [](const Leaf& leaf) { return std::tuple(leaf.of_tree, leaf.zone); };
   if (zones.are_several()) {
     for (const std::filesystem::path& path : files)
       for (const Section& section : PointsFile(path).sections())
         if (section.count > 0) stored->leaves.push_back({section.key, section.zone, kNoBounds, {}});
-    std::sort(stored->leaves.begin(), stored->leaves.end(), comes_before);
-    stored->leaves.erase(std::unique(stored->leaves.begin(), stored->leaves.end(), is_same), stored->leaves.end());
+    std::ranges::sort(stored->leaves, {}, place_of);
+    const auto more_of_same = std::ranges::unique(stored->leaves, {}, place_of);
+    stored->leaves.erase(more_of_same.begin(), more_of_same.end());
   } else {
     for (std::uint32_t leaf = 0; leaf < leaves; ++leaf) stored->leaves.push_back({leaf, {}, kNoBounds, {}});
   }
@@ -44,8 +42,7 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
     Part part{std::make_unique<PointsFile>(path), {}, {0}, {}};
     for (const Section& section : part.file->sections()) {
       if (section.count == 0) continue;
-      const Leaf wanted{section.key, section.zone, {}, {}};
-      const auto its = std::lower_bound(stored->leaves.begin(), stored->leaves.end(), wanted, comes_before);
+      const auto its = std::ranges::lower_bound(stored->leaves, std::tuple(section.key, section.zone), {}, place_of);
       part.leaves.push_back(static_cast<std::uint32_t>(its - stored->leaves.begin()));
       part.begins.push_back(part.begins.back() + section.count);
       part.copies.push_back(section.copies);
@@ -104,8 +101,7 @@ Position StoredCloud::shift_of(std::uint32_t leaf) const {
 
 LeafRange StoredCloud::leaves_of(const LeafRange& of_tree) const {
   const auto first = [&](std::uint32_t leaf) {
-    const auto its = std::lower_bound(stored_->leaves.begin(), stored_->leaves.end(), leaf,
-                                      [](const Leaf& a, std::uint32_t number) { return a.of_tree < number; });
+    const auto its = std::ranges::lower_bound(stored_->leaves, leaf, {}, &Leaf::of_tree);
     return static_cast<std::uint32_t>(its - stored_->leaves.begin());
   };
   return {first(of_tree.begin), first(of_tree.end)};
