@@ -5,6 +5,7 @@
 #include <future>
 #include <limits>
 #include <numeric>
+#include <set>
 #include <span>
 #include <utility>
 
@@ -77,11 +78,9 @@ class Tile final : public Denoising, private PointStore {
   // Those of the zones that have points of the tile. The points of each are computed by themselves.
   static std::vector<Position> origins_of(const TileWork& work, const LeafRange& leaves) {
     if (!work.input.zones().are_several()) return {work.input.zones().origin};
-    std::vector<Position> origins;
-    for (std::uint32_t leaf = leaves.begin; leaf < leaves.end; ++leaf) origins.push_back(work.input.origin_for(leaf));
-    std::sort(origins.begin(), origins.end());
-    origins.erase(std::unique(origins.begin(), origins.end()), origins.end());
-    return origins;
+    std::set<Position> origins;
+    for (std::uint32_t leaf = leaves.begin; leaf < leaves.end; ++leaf) origins.insert(work.input.origin_for(leaf));
+    return {origins.begin(), origins.end()};
   }
 
   void enter(const Position& origin) {

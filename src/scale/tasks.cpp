@@ -25,7 +25,7 @@ Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
   for (const Device& device : devices) workers_.push_back({device, nullptr});
   remove_abandoned_files(work);
-  if (is_stored(work / "origin")) use_zones(load_zones());
+  take_zones();
 }
 
 Tasks::Tasks(const MemoryFolder& work, Plan plan, LeafTree tree, std::shared_ptr<Source> source,
@@ -98,7 +98,7 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
 
 // What the tasks of a step share, and only read.
 void Tasks::get_ready(const WorkStep& step) {
-  if (!folder_.is_recut && is_stored(folder_.path / "origin")) use_zones(load_zones());
+  take_zones();
   if (step.kind != WorkStep::Kind::denoise) return;
   settings();
   if (input_ && input_iteration_ == step.iteration) return;
@@ -143,7 +143,7 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
     NewFile file(folder_.path / "origin", sizeof zones);
     file.write(&zones, sizeof zones);
     file.finish();
-    use_zones(zones);
+    take_zones();
     take_in_again();
   }
   const StoredCloud cloud(folder_.files_of(before), tree_.leaves(), zones);
@@ -249,25 +249,19 @@ void Tasks::run_steps(WorkStep::Kind last, const std::stop_token& stop, const Pr
     const WorkStep before = steps[s].iteration == 0 ? steps[0] : steps[s - 1];
     if (!is_stored(folder_.end_mark(before)))
       mark(folder_.end_mark(before));  // after it, all names of this step are on the disk
-    close_input();
+    input_.reset();
     for (const fs::path& path : folder_.files_of(before)) remove_stored(path);
   }
 }
 
-void Tasks::use_zones(const Zones& zones) {
+// Those that were found in place of the plan's, maybe by another process.
+void Tasks::take_zones() {
+  if (folder_.is_recut || !is_stored(folder_.path / "origin")) return;
+  Zones zones;
+  StoredFile(folder_.path / "origin").read(0, &zones, sizeof zones);
   tree_.move(difference(zones.origin, folder_.plan.zones.origin));
   folder_.plan.zones = zones;
   folder_.is_recut = true;
-}
-Zones Tasks::load_zones() const {
-  Zones zones;
-  StoredFile(folder_.path / "origin").read(0, &zones, sizeof zones);
-  return zones;
-}
-
-void Tasks::close_input() {
-  input_.reset();
-  input_iteration_ = -1;
 }
 
 const Settings& Tasks::settings() {

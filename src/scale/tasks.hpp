@@ -67,9 +67,7 @@ class Tasks {
   void run_emit(const WorkStep& step, std::size_t task, const std::stop_token& stop);
   void run_tiles(const WorkStep& step, const std::stop_token& stop, const std::function<void(std::size_t)>& begin);
   TileWork tile_work(const WorkStep& step, std::size_t task) const;
-  void close_input();
-  void use_zones(const Zones& zones);
-  Zones load_zones() const;
+  void take_zones();
   unsigned threads() const { return workers_[0].device.threads; }
 
   WorkFolder folder_;
@@ -80,7 +78,7 @@ class Tasks {
   std::optional<Measured> measured_;
   std::optional<RunSettings> resolved_;
   std::optional<StoredCloud> input_;  // of the tiles
-  int input_iteration_ = -1;
+  int input_iteration_ = 0;           // that they are of
 };
 
 }  // namespace pointfair::scale
