@@ -25,6 +25,14 @@ struct RunArguments {
   InputArguments in;
   FormatArguments format;
   bool force = false, quiet = false, verbose = false, orient = false, each = false, skip_existing = false;
+
+  /// With an output folder, where OUT is one of them.
+  std::vector<std::string> inputs() const {
+    std::vector<std::string> all = {input};
+    if (!output.empty()) all.push_back(output);
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  }
 };
 
 /// Refuses the input and the output of one run in memory, or the output and the report of any, before the work. Throws

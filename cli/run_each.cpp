@@ -18,13 +18,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<fs::path> inputs_of(const RunArguments& arguments) {
-  std::vector<std::string> inputs = {arguments.input};
-  if (!arguments.output.empty()) inputs.push_back(arguments.output);
-  inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
-  return files_of_survey(inputs);
-}
-
 // The input's name, with the extension of the format that is asked for. What is no known extension is part of a name.
 fs::path name_of_result(const fs::path& input, const FormatArguments& asked) {
   const std::optional<Format> format = make_write_options(asked, {}).format;
@@ -39,7 +32,7 @@ fs::path name_of_result(const fs::path& input, const FormatArguments& asked) {
 std::vector<Row> planned(const RunArguments& arguments) {
   std::vector<Row> rows;
   std::map<fs::path, fs::path> inputs;  // by their results
-  for (const fs::path& input : inputs_of(arguments)) {
+  for (const fs::path& input : files_of_survey(arguments.inputs())) {
     const fs::path output = fs::path(arguments.tiled.out_dir) / name_of_result(input, arguments.format);
     if (const auto [other, is_new] = inputs.try_emplace(output, input); !is_new)
       throw Error(ErrorKind::usage,

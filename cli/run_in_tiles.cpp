@@ -90,10 +90,7 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
       throw Error(ErrorKind::usage, flag +
                                         ": the files of --out-dir are one cloud in tiles, each written in the format "
                                         "that it has; --each treats every file on its own");
-    std::vector<std::string> inputs = {arguments.input};
-    if (!arguments.output.empty()) inputs.push_back(arguments.output);
-    inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
-    job.inputs = files_of_survey(inputs);
+    job.inputs = files_of_survey(arguments.inputs());
     job.output_folder = arguments.tiled.out_dir;
   }
   job.write.las_scale = arguments.las_scale;
