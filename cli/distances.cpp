@@ -184,16 +184,8 @@ std::vector<HalfEdge> half_edges(std::span<const Vec3> vertices, std::span<const
   return result;
 }
 
-FaceComparison in_file_units(FaceComparison faces, const Frame& frame) {
-  const double unit = 1 / frame.scale();
-  for (double* value : {&faces.back.mean, &faces.back.rms, &faces.back.p95, &faces.back.max}) *value *= unit;
-  for (std::optional<double>* volume : {&faces.volume, &faces.reference})
-    if (*volume) **volume *= unit * unit * unit;
-  return faces;
-}
-
-}  // namespace
-
+// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;
+// faces may be oriented either way.
 std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices, std::span<const std::array<std::uint32_t, 3>> faces,
                                   double degrees) {
   const std::vector<HalfEdge> halves = half_edges(vertices, faces);
@@ -209,6 +201,16 @@ std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices, std::span<cons
   }
   return result;
 }
+
+FaceComparison in_file_units(FaceComparison faces, const Frame& frame) {
+  const double unit = 1 / frame.scale();
+  for (double* value : {&faces.back.mean, &faces.back.rms, &faces.back.p95, &faces.back.max}) *value *= unit;
+  for (std::optional<double>* volume : {&faces.volume, &faces.reference})
+    if (*volume) **volume *= unit * unit * unit;
+  return faces;
+}
+
+}  // namespace
 
 Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options) {
   const Frame frame = frame_of(b);

@@ -40,9 +40,4 @@ struct Distances {
 /// Throws ErrorKind::file where there is nothing to measure, ErrorKind::usage for edges or normals of a cloud.
 Distances compare_clouds(const Cloud& a, const Cloud& b, const CompareOptions& options);
 
-/// The edges between two faces that turn by more than `degrees`, as segments. Vertices at the same place count as one;
-/// faces may be oriented either way.
-std::vector<Triangle> sharp_edges(std::span<const Vec3> vertices,
-                                  std::span<const std::array<std::uint32_t, 3>> triangles, double degrees);
-
 }  // namespace pointfair::cli

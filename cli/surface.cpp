@@ -46,8 +46,6 @@ int widest_axis(const Box& box) {
   return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
 }
 
-}  // namespace
-
 // Inside the prism over the triangle the foot lies on its plane, elsewhere on its outline.
 Vec3 closest_on_triangle(Vec3 p, const Triangle& t) {
   const Vec3 normal = cross(t.b - t.a, t.c - t.a);
@@ -56,6 +54,8 @@ Vec3 closest_on_triangle(Vec3 p, const Triangle& t) {
                       dot(cross(t.c - t.b, p - t.b), normal) >= 0 && dot(cross(t.a - t.c, p - t.c), normal) >= 0;
   return inside ? p - (dot(p - t.a, normal) / n2) * normal : closest_on_outline(p, t);
 }
+
+}  // namespace
 
 // A tree of boxes over the triangles, halved along the widest axis. The triangles of a node follow each other. The
 // first half of a node's triangles is the node behind it.
@@ -114,7 +114,6 @@ struct Surface::Tree {
 
 Surface::Surface(std::vector<Triangle> triangles) : tree_(std::make_unique<Tree>(std::move(triangles))) {}
 Surface::~Surface() = default;
-Surface::Surface(Surface&&) noexcept = default;
 
 Foot Surface::closest(Vec3 point) const {
   Foot foot;

@@ -16,8 +16,6 @@ struct Triangle {
   Vec3 a, b, c;
 };
 
-Vec3 closest_on_triangle(Vec3 point, const Triangle& triangle);
-
 struct Foot {
   Vec3 place;  ///< the closest point
   double squared_distance = std::numeric_limits<double>::infinity();
@@ -29,7 +27,6 @@ class Surface {
  public:
   explicit Surface(std::vector<Triangle> triangles);
   ~Surface();
-  Surface(Surface&&) noexcept;
 
   Foot closest(Vec3 point) const;
 

@@ -158,21 +158,19 @@ void tell(const TiledReport& report, const Device& device, const TiledOutput& ou
 
 }  // namespace
 
-std::uint64_t parse_bytes(const std::string& flag, const std::string& text) {
+std::uint64_t memory_to_use(const TiledArguments& arguments) {
+  const std::string& text = arguments.memory;
+  if (text.empty()) return 0;
   double value = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   std::string unit(end, text.data() + text.size());
   if (!unit.empty() && unit.back() == 'B') unit.pop_back();
   const int shift = unit.empty() ? 0 : unit == "K" ? 10 : unit == "M" ? 20 : unit == "G" ? 30 : unit == "T" ? 40 : -1;
   if (error != std::errc() || shift < 0 || !(value > 0) || !(std::ldexp(value, shift) < 1e18))
-    throw Error(ErrorKind::usage, fmt::format("{} {}: give a size such as 8G or 512M", flag, text));
+    throw Error(ErrorKind::usage, fmt::format("--memory {}: give a size such as 8G or 512M", text));
   const auto bytes = static_cast<std::uint64_t>(std::ldexp(value, shift));
-  if (bytes < kLeastMemory) throw Error(ErrorKind::usage, fmt::format("{} {}: at least 64M is needed", flag, text));
+  if (bytes < kLeastMemory) throw Error(ErrorKind::usage, fmt::format("--memory {}: at least 64M is needed", text));
   return bytes;
-}
-
-std::uint64_t memory_to_use(const TiledArguments& arguments) {
-  return arguments.memory.empty() ? 0 : parse_bytes("--memory", arguments.memory);
 }
 
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,

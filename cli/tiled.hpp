@@ -16,10 +16,7 @@ struct TiledArguments {
   std::uint64_t tiles = 1;
 };
 
-/// "2G", "512M" or a number of bytes. Throws ErrorKind::usage.
-std::uint64_t parse_bytes(const std::string& flag, const std::string& text);
-
-/// The bytes that --memory gives; 0 where it is not given.
+/// The bytes that --memory gives, as 2G, 512M or a number; 0 where it is not given. Throws ErrorKind::usage.
 std::uint64_t memory_to_use(const TiledArguments& arguments);
 
 /// What else `run` was asked for beside a job: quiet, report and progress as there.
