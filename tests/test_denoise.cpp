@@ -65,16 +65,16 @@ TEST(Denoise, a_tile_is_computed_when_all_that_were_computed_before_are_on_the_d
   const auto path_of = [&](std::uint32_t tile) { return folder / std::to_string(tile); };
   std::uint32_t given = 0, done = 0;
   const FramedSettings stages = list_stages();
-  const auto next = [&]() -> std::unique_ptr<Denoising> {
-    if (given == kTiles) return nullptr;
-    const TileWork work{input, {given, given + 1}, stages, 1 << 20};
-    return make_denoising(work, path_of(given++), std::stop_token());
+  const auto next = [&]() -> std::optional<TileWork> {
+    if (given == kTiles) return std::nullopt;
+    const std::uint32_t tile = given++;
+    return TileWork{input, {tile, tile + 1}, path_of(tile), stages, 1 << 20};
   };
   Watched backend([&] {
     while (done < kTiles && fs::exists(path_of(done))) ++done;
     EXPECT_EQ(given, std::min(kTiles, done + 2));  // this one, and one that is read
   });
-  denoise_all(next, backend);
+  denoise_all(next, backend, {});
   for (std::uint32_t tile = 0; tile < kTiles; ++tile) EXPECT_TRUE(fs::exists(path_of(tile)));
 }
 
@@ -83,10 +83,8 @@ TEST(Denoise, a_tile_that_the_device_has_no_room_for_is_computed_in_halves) {
   store_strips(folder / "input", 3);
   const StoredCloud input({folder / "input"}, 3);
   const auto denoise = [&](SmallBackend& backend, const fs::path& path) {
-    const auto tile = make_denoising({input, {1, 2}, list_stages(), 1 << 20}, path, {});
-    tile->read();
-    tile->compute(backend);
-    tile->write();
+    std::optional<TileWork> tile(TileWork{input, {1, 2}, path, list_stages(), 1 << 20});
+    denoise_all([&] { return std::exchange(tile, std::nullopt); }, backend, {});
   };
   SmallBackend large(1 << 20), small(3000), tiny(500);
   denoise(large, folder / "whole");

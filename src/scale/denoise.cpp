@@ -29,11 +29,11 @@ Point moved(const Point& stored, const Point& before, const Point& now) {
   return {along(stored.x, before.x, now.x), along(stored.y, before.y, now.y), along(stored.z, before.z, now.z)};
 }
 
-class Tile final : public Denoising, private PointStore {
+// A tile on its way to its file. One call after the other, each on any thread.
+class Tile final : private PointStore {
  public:
-  Tile(const TileWork& work, const std::filesystem::path& path, std::stop_token stop)
+  Tile(const TileWork& work, std::stop_token stop)
       : work_(work),
-        path_(path),
         stop_(std::move(stop)),
         leaves_(work.input.leaves_of(work.leaves)),
         origins_(origins_of(work, leaves_)) {
@@ -41,7 +41,8 @@ class Tile final : public Denoising, private PointStore {
       throw Error(ErrorKind::memory, "a tile has too many points; plan with less --memory, or more --tiles");
   }
 
-  void read() override {
+  // The tile and what is likely to be needed around it.
+  void read() {
     if (origins_.empty()) return;
     enter(origins_.front());
     if (!has_points()) return;
@@ -49,7 +50,7 @@ class Tile final : public Denoising, private PointStore {
     fits_ = load(region_around(seen_->bounds(), bounds_, halo), ahead_.numbers, ahead_.known_copies);
   }
 
-  void compute(Backend& backend) override {
+  void compute(Backend& backend) {
     TileWorker worker(backend);
     const ForEach for_each = backend.sampling().on_host();
     results_ = own_;  // outliers of iterations before stay as they are
@@ -67,7 +68,7 @@ class Tile final : public Denoising, private PointStore {
     loaded_ = {};
   }
 
-  void write() override {
+  void write() {
     std::vector<std::uint64_t> indices;
     work_.input.read(leaves_, nullptr, &indices);
     work_.chunks ? write_by_chunk(indices) : write_by_leaf(indices);
@@ -189,7 +190,7 @@ class Tile final : public Denoising, private PointStore {
     }
     PointsHeader header = header_of(counts_, work_.first_counts);
     header.index_bytes = sizeof(std::uint64_t);
-    PointsWriter writer(path_, header, sections, {});
+    PointsWriter writer(work_.path, header, sections, {});
     writer.write<Point>(order, [&](std::uint32_t i) { return results_[i]; });
     writer.write<std::uint64_t>(order, [&](std::uint32_t i) { return indices[i]; });
     writer.finish();
@@ -205,7 +206,7 @@ class Tile final : public Denoising, private PointStore {
     std::vector<Section> sections;
     for (std::uint32_t c = 0; c < chunks.size(); ++c)
       if (by_chunk.count(c) > 0) sections.push_back({c, {}, by_chunk.count(c), {}, {}});
-    PointsWriter writer(path_, header_of(counts_, work_.first_counts), sections, {});
+    PointsWriter writer(work_.path, header_of(counts_, work_.first_counts), sections, {});
     writer.write<Point>(by_chunk.order, [&](std::uint32_t i) { return results_[i]; });
     writer.write<std::uint32_t>(by_chunk.order, [&](std::uint32_t i) {
       return std::uint32_t(indices[i] - chunks[chunk_of_each[i]].first_point);
@@ -214,7 +215,6 @@ class Tile final : public Denoising, private PointStore {
   }
 
   TileWork work_;
-  std::filesystem::path path_;
   std::stop_token stop_;
   LeafRange leaves_;
   std::vector<Position> origins_;
@@ -234,16 +234,15 @@ class Tile final : public Denoising, private PointStore {
 
 }  // namespace
 
-std::unique_ptr<Denoising> make_denoising(const TileWork& work, const std::filesystem::path& path,
-                                          std::stop_token stop) {
-  return std::make_unique<Tile>(work, path, std::move(stop));
-}
-
-void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend) {
-  std::shared_ptr<Denoising> present = next();
+void denoise_all(const std::function<std::optional<TileWork>()>& next, Backend& backend, const std::stop_token& stop) {
+  const auto next_tile = [&] {
+    const std::optional<TileWork> work = next();
+    return work ? std::make_shared<Tile>(*work, stop) : nullptr;
+  };
+  std::shared_ptr<Tile> present = next_tile();
   if (present) present->read();
   while (present) {
-    std::shared_ptr<Denoising> coming = next();
+    std::shared_ptr<Tile> coming = next_tile();
     std::future<void> reading;  // a future of std::async waits in its destructor
     if (coming) reading = std::async(std::launch::async, [coming] { coming->read(); });
     present->compute(backend);

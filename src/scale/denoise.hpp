@@ -18,28 +18,16 @@ namespace pointfair::scale {
 struct TileWork {
   const StoredCloud& input;
   LeafRange leaves;                                 ///< of the tree
+  std::filesystem::path path;                       ///< of the file with the points as they are after the iteration
   FramedSettings stages;                            ///< for offsets from the cloud's origin
   std::uint64_t most_points = 0;                    ///< that are loaded at once
   const std::vector<InputChunk>* chunks = nullptr;  ///< if given, results are written by chunk, for the last step
   std::optional<Counts> first_counts{};             ///< the tile's in the first iteration, if this is a further one
 };
 
-/// A tile on its way to its file. One call after the other, each on any thread.
-class Denoising {
- public:
-  virtual ~Denoising() = default;
-  /// The tile and what is likely to be needed around it.
-  virtual void read() = 0;
-  /// Throws Error(memory) if what a point needs does not fit.
-  virtual void compute(Backend& backend) = 0;
-  /// Where the tile's points are after the iteration. Outliers are the NaN that tells the reason.
-  virtual void write() = 0;
-};
-std::unique_ptr<Denoising> make_denoising(const TileWork& work, const std::filesystem::path& path,
-                                          std::stop_token stop);
-
 /// Does the tiles that next() gives, until it gives none: one is computed and written while the next one is read. So
-/// who is killed has one tile to do again.
-void denoise_all(const std::function<std::unique_ptr<Denoising>()>& next, Backend& backend);
+/// who is killed has one tile to do again. Outliers become the NaN that tells the reason. Throws Error(memory) if what
+/// a point needs does not fit.
+void denoise_all(const std::function<std::optional<TileWork>()>& next, Backend& backend, const std::stop_token& stop);
 
 }  // namespace pointfair::scale

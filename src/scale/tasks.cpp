@@ -71,20 +71,19 @@ void Tasks::run_tiles(const WorkStep& step, const std::stop_token& stop,
   const std::size_t tasks = folder_.tasks_of(step);
   TaskQueue<std::size_t> queue;
   for (std::size_t task = 0; task < tasks; ++task) queue.put(task);
-  const auto next = [&](bool tells) -> std::unique_ptr<Denoising> {
+  const auto next = [&](bool tells) -> std::optional<TileWork> {
     while (const auto task = queue.take(false)) {
       if (tells) begin(*task);
       throw_if_stopped(stop);
-      if (!folder_.is_done(step, *task))
-        return make_denoising(tile_work(step, *task), folder_.file_of(step, *task), stop);
+      if (!folder_.is_done(step, *task)) return tile_work(step, *task);
     }
-    return nullptr;
+    return std::nullopt;
   };
   try {
     if (folder_.count_done(step) < tasks) get_ready(step);
     on_feeders(workers_.size(), [&](std::size_t worker) {
       try {
-        denoise_all([&] { return next(worker == 0); }, workers_[worker].backend());
+        denoise_all([&] { return next(worker == 0); }, workers_[worker].backend(), stop);
       } catch (...) {
         queue.close();
         throw;
@@ -153,10 +152,8 @@ void Tasks::run_measure(const WorkStep& step, const std::stop_token& stop) {
 }
 
 void Tasks::run_denoise(const WorkStep& step, std::size_t task, const std::stop_token& stop) {
-  const std::unique_ptr<Denoising> tile = make_denoising(tile_work(step, task), folder_.file_of(step, task), stop);
-  tile->read();
-  tile->compute(workers_[0].backend());
-  tile->write();
+  std::optional<TileWork> tile(tile_work(step, task));
+  denoise_all([&] { return std::exchange(tile, std::nullopt); }, workers_[0].backend(), stop);
 }
 
 TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
@@ -168,12 +165,10 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
   std::optional<Counts> first_counts;
   if (step.iteration > 0)
     first_counts = PointsFile(folder_.file_of({step.kind, step.iteration - 1}, task)).header().counts.points;
-  return {*input_,
-          {tree_.tile_begin(task), tree_.tile_begin(task + 1)},
-          settings,
-          points_of_tile(folder_.plan.memory, folder_.plan.params),
-          is_last ? &folder_.plan.chunks : nullptr,
-          first_counts};
+  return {
+      *input_,     {tree_.tile_begin(task), tree_.tile_begin(task + 1)},     folder_.file_of(step, task),
+      settings,    points_of_tile(folder_.plan.memory, folder_.plan.params), is_last ? &folder_.plan.chunks : nullptr,
+      first_counts};
 }
 
 void Tasks::run_heights(const WorkStep& step, const std::stop_token& stop) {
