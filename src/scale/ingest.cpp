@@ -3,7 +3,6 @@
 
 #include <atomic>
 #include <map>
-#include <tuple>
 #include <utility>
 
 #include "io/parallel.hpp"
@@ -15,12 +14,8 @@
 namespace pointfair::scale {
 namespace {
 
-// Points that are stored together: those of one leaf of the tree in one zone, in this order.
-struct Group {
-  std::uint32_t leaf;
-  Zone zone;
-  friend bool operator<(const Group& a, const Group& b) { return std::tie(a.leaf, a.zone) < std::tie(b.leaf, b.zone); }
-};
+// Points that are stored together: those of one leaf of the tree in one zone.
+using Group = std::pair<std::uint32_t, Zone>;
 using Numbers = std::map<Group, std::uint32_t>;
 
 struct Taken {

@@ -22,7 +22,6 @@
 #include "portable.hpp"
 #include "scale/given.hpp"
 #include "scale/outlier_edits.hpp"
-#include "scale/plan_text.hpp"
 #include "scale/work_file.hpp"
 #include "seam/cloud_sample.hpp"
 #include "tiles/choice.hpp"

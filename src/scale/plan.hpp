@@ -94,6 +94,10 @@ void refuse_losses(const Plan& plan);
 bool has_plan(const std::filesystem::path& work);
 /// Throws Error(file) if there is none, or one of another version.
 Plan read_plan(const std::filesystem::path& work);
+/// What the plan's file holds: a line for each thing, its name first. `name`: of the file, for errors, which are those
+/// of read_plan(), or that it is damaged.
+std::string text_of(const Plan& plan);
+Plan plan_of(const std::string& text, const std::string& name);
 /// What of the job differs from the plan, or nothing.
 std::string difference(const TiledJob& job, const Plan& plan);
 

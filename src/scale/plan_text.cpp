@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "scale/plan_text.hpp"
-
+// A plan as text.
 #include <cstdio>
 #include <cstdlib>
 #include <sstream>
@@ -9,6 +8,7 @@
 #include "io/file_bytes.hpp"
 #include "platform/path_text.hpp"
 #include "pointfair/version.hpp"
+#include "scale/plan.hpp"
 
 namespace pointfair::scale {
 namespace {
