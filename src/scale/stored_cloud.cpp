@@ -31,7 +31,7 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
   if (zones.are_several()) {
     for (const std::filesystem::path& path : files)
       for (const Section& section : PointsFile(path).sections())
-        if (section.count > 0) stored->leaves.push_back({section.key, section.zone, kNoBounds, {}});
+        stored->leaves.push_back({section.key, section.zone, kNoBounds, {}});
     std::ranges::sort(stored->leaves, {}, place_of);
     const auto more_of_same = std::ranges::unique(stored->leaves, {}, place_of);
     stored->leaves.erase(more_of_same.begin(), more_of_same.end());
@@ -41,7 +41,6 @@ std::shared_ptr<const StoredCloud::Stored> StoredCloud::open(const std::vector<s
   for (const std::filesystem::path& path : files) {
     Part part{std::make_unique<PointsFile>(path), {}, {0}, {}};
     for (const Section& section : part.file->sections()) {
-      if (section.count == 0) continue;
       const auto its = std::ranges::lower_bound(stored->leaves, std::tuple(section.key, section.zone), {}, place_of);
       part.leaves.push_back(static_cast<std::uint32_t>(its - stored->leaves.begin()));
       part.begins.push_back(part.begins.back() + section.count);
