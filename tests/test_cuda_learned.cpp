@@ -88,8 +88,8 @@ TEST_F(CudaLearned, of_a_cloud_in_tiles_equals_the_cpu) {
        {MakeBackend(), MakeBackend([] { return make_cuda_backend(0); }), MakeBackend(small_card)}) {
     std::vector<std::unique_ptr<Backend>> workers;
     for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
-    Pipeline tiles =
-        PipelineAccess::make(make_tiled_backend(std::move(workers), {5}), {Device::cuda, "", ""}, make_card);
+    Pipeline tiles = PipelineAccess::make(make_tiled_backend(std::move(workers), {5}), {Device::cuda, "", ""},
+                                          MakeWorkers{{make_card}});
     EXPECT_EQ(learned_clouds::differing(run(tiles, points, {}), expected), 0u);
   }
 }

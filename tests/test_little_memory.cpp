@@ -42,7 +42,7 @@ class SmallBackend : public ForwardingBackend {
 // A pipeline whose device has too little memory against one whose has enough. `small` makes the former's backends.
 void expect_the_same_in_little_memory(Device::Kind kind, const std::function<std::unique_ptr<Backend>()>& small) {
   const Points points = cloud(200000);
-  Pipeline tight = PipelineAccess::make(small(), {kind, "small", "test"}, small), ample(kind);
+  Pipeline tight = PipelineAccess::make(small(), {kind, "small", "test"}, MakeWorkers{{small}}), ample(kind);
   Params params;
   for (int run = 0; run < 3; ++run) {
     if (run == 0) {  // nothing set: radius neighbourhoods
@@ -82,7 +82,7 @@ TEST(LittleMemory, is_what_becomes_of_a_cloud_that_memory_does_not_hold) {
 
 TEST(LittleMemory, that_never_fits_is_an_error) {
   const auto small = [] { return std::make_unique<SmallBackend>(100); };
-  Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, small);
+  Pipeline pipeline = PipelineAccess::make(small(), {Device::cpu, "small", "test"}, MakeWorkers{{small}});
   expect_error(ErrorKind::memory, "", [&] {
     pipeline.load(cloud(100000));
     pipeline.run();
@@ -98,7 +98,7 @@ TEST(LittleMemory, without_workers_is_an_error_and_the_next_cloud_is_sound) {
   };
   const Points points = cloud(100000), few = cloud(5000);
   Pipeline pipeline =
-      PipelineAccess::make(std::make_unique<SmallBackend>(60000), {Device::cpu, "small", "test"}, small);
+      PipelineAccess::make(std::make_unique<SmallBackend>(60000), {Device::cpu, "small", "test"}, MakeWorkers{{small}});
   pipeline.load(points);
   Points out(points.size());
   expect_error(ErrorKind::device, "", [&] { pipeline.run({}, out); });  // it is to be cut

@@ -102,7 +102,8 @@ TEST(NoiseOfPoints, has_the_same_bits_in_tiles) {
   const Points points = two_halves();
   const auto make = [] { return std::make_unique<SmallBackend>(9 * kPoints / 10); };
   for (const bool given : {false, true}) {
-    Pipeline tight = PipelineAccess::make(make(), {Device::cpu, "small", "test"}, make), ample(Device::cpu);
+    Pipeline tight = PipelineAccess::make(make(), {Device::cpu, "small", "test"}, MakeWorkers{{make}}),
+             ample(Device::cpu);
     tight.load(points);
     ample.load(points);
     if (given) tight.set_noise(known_noise(points)), ample.set_noise(known_noise(points));

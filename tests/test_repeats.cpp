@@ -178,8 +178,8 @@ TEST(Repeats, in_tiles_have_the_bits_of_the_whole) {
     const Ran whole(points, {.outliers = Outliers::mark});
     std::vector<std::unique_ptr<Backend>> workers;
     workers.push_back(make_cpu_backend(2));
-    Pipeline tiled = PipelineAccess::make(make_tiled_backend(std::move(workers), {.tiles = 5}),
-                                          {Device::cpu, "tiles", "test"}, MakeBackend{});
+    Pipeline tiled =
+        PipelineAccess::make(make_tiled_backend(std::move(workers), {.tiles = 5}), {Device::cpu, "tiles", "test"});
     Points out(points.size()), normals(points.size());
     tiled.load(points);
     tiled.run({.outliers = Outliers::mark}, out);

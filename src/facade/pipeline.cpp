@@ -57,12 +57,6 @@ Pipeline::~Pipeline() = default;
 Pipeline::Pipeline(Pipeline&&) noexcept = default;
 Pipeline& Pipeline::operator=(Pipeline&&) noexcept = default;
 
-Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker) {
-  MakeWorkers workers;
-  if (make_worker) workers.of_cards.push_back(std::move(make_worker));
-  return make(std::move(backend), std::move(device), std::move(workers));
-}
-
 Pipeline PipelineAccess::make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeWorkers workers) {
   return Pipeline(std::make_unique<Pipeline::State>(std::move(backend), std::move(device), std::move(workers)));
 }

@@ -9,9 +9,7 @@
 namespace pointfair {
 
 struct PipelineAccess {
-  // With `make_worker`, clouds that are too large for the backend's memory are computed in tiles by two such workers.
-  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeBackend make_worker = {});
-  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeWorkers workers);
+  static Pipeline make(std::unique_ptr<Backend> backend, DeviceInfo device, MakeWorkers workers = {});
   // What followed the noise in the last run.
   static const FollowedNoise& followed_noise(const Pipeline& pipeline);
 };
