@@ -152,6 +152,20 @@ std::uint8_t pixel_of(std::size_t colour, std::uint8_t shade) {
   return static_cast<std::uint8_t>(1 + colour * kShades + shade);
 }
 
+// White where nothing is seen. of_point(point, shade) elsewhere.
+template <class OfPoint>
+std::vector<std::uint8_t> pixels_of(const Seen& seen, const OfPoint& of_point) {
+  const std::vector<std::uint8_t> shades = shades_of(seen);
+  std::vector<std::uint8_t> pixels(kPixels);
+  for (std::size_t i = 0; i < kPixels; ++i)
+    if (seen.point[i] != kNoPoint) pixels[i] = of_point(seen.point[i], shades[i]);
+  return pixels;
+}
+
+std::vector<std::uint8_t> shaded(const Seen& seen) {
+  return pixels_of(seen, [](std::uint32_t, std::uint8_t shade) { return pixel_of(0, shade); });
+}
+
 }  // namespace
 
 Camera overview(std::span<const Point> points) {
@@ -206,13 +220,7 @@ Seen see(const Camera& camera, std::span<const Point> points, double spacing, st
   return seen;
 }
 
-std::string shaded_png(const Seen& seen) {
-  const std::vector<std::uint8_t> shades = shades_of(seen);
-  std::vector<std::uint8_t> pixels(kPixels);
-  for (std::size_t i = 0; i < kPixels; ++i)
-    if (seen.point[i] != kNoPoint) pixels[i] = pixel_of(0, shades[i]);
-  return png_of(pixels, kPictureWidth, palette_of({{228, 224, 216}}));
-}
+std::string shaded_png(const Seen& seen) { return png_of(shaded(seen), kPictureWidth, palette_of({{228, 224, 216}})); }
 
 std::string mapped_png(const Seen& seen, const std::function<float(std::uint32_t point)>& value) {
   constexpr int kOfMap = kMapSteps - 1;  // the last colour is grey
@@ -223,25 +231,19 @@ std::string mapped_png(const Seen& seen, const std::function<float(std::uint32_t
     colours.push_back(between(rgb_of(kMapColours[below]), rgb_of(kMapColours[below + 1]), place - double(below)));
   }
   colours.push_back(kGrey);
-  const std::vector<std::uint8_t> shades = shades_of(seen);
-  std::vector<std::uint8_t> pixels(kPixels);
-  for (std::size_t i = 0; i < kPixels; ++i) {
-    if (seen.point[i] == kNoPoint) continue;
-    const float share = value(seen.point[i]);
+  const auto of_point = [&](std::uint32_t point, std::uint8_t shade) {
+    const float share = value(point);
     const int step = std::isnan(share) ? kOfMap : static_cast<int>(std::clamp(share, 0.0f, 1.0f) * (kOfMap - 1) + 0.5f);
     // colours tell values, so that shades are weak
-    pixels[i] = pixel_of(static_cast<std::size_t>(step), static_cast<std::uint8_t>((kShades + shades[i]) / 2));
-  }
-  return png_of(pixels, kPictureWidth, palette_of(colours));
+    return pixel_of(static_cast<std::size_t>(step), static_cast<std::uint8_t>((kShades + shade) / 2));
+  };
+  return png_of(pixels_of(seen, of_point), kPictureWidth, palette_of(colours));
 }
 
 std::string marked_png(const Seen& seen, const Camera& camera, std::span<const Mark> marks) {
   std::vector<Rgb> colours{{225, 225, 222}};
   for (const char* colour : kMarkColours) colours.push_back(rgb_of(colour));
-  const std::vector<std::uint8_t> shades = shades_of(seen);
-  std::vector<std::uint8_t> pixels(kPixels);
-  for (std::size_t i = 0; i < kPixels; ++i)
-    if (seen.point[i] != kNoPoint) pixels[i] = pixel_of(0, shades[i]);
+  std::vector<std::uint8_t> pixels = shaded(seen);
   for (const Mark& mark : marks)
     for_square(place_of(camera, mark.place), kMarkSide,
                [&](std::size_t pixel) { pixels[pixel] = pixel_of(1 + mark.colour, kShades - 1); });
