@@ -62,9 +62,7 @@ std::vector<Vec3> finite(std::vector<Vec3> points) {
 struct PointArray {
   const std::vector<Vec3>& points;
   std::size_t kdtree_get_point_count() const { return points.size(); }
-  double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-    return axis == 0 ? points[i].x : axis == 1 ? points[i].y : points[i].z;
-  }
+  double kdtree_get_pt(std::size_t i, std::size_t axis) const { return coordinate(points[i], static_cast<int>(axis)); }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
     return false;

@@ -21,8 +21,6 @@ Vec3 vec(const Point& p) { return {p.x, p.y, p.z}; }
 
 Point point(Vec3 v) { return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)}; }
 
-double coordinate(Vec3 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-
 template <class F>
 void for_each_index(std::uint64_t count, const F& body) {
   tbb::parallel_for(tbb::blocked_range<std::uint64_t>(0, count, 4096), [&](const auto& range) {

@@ -39,8 +39,6 @@ struct Box {
 
 Vec3 middle_of(const Triangle& t) { return t.a + t.b + t.c; }  // three times it
 
-double along(Vec3 p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
-
 int widest_axis(const Box& box) {
   const Vec3 size = box.high - box.low;
   return size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
@@ -87,7 +85,7 @@ struct Surface::Tree {
     const std::uint32_t half = begin + (end - begin) / 2;
     std::nth_element(order.begin() + begin, order.begin() + half, order.begin() + end,
                      [&, axis = widest_axis(middles)](std::uint32_t s, std::uint32_t t) {
-                       return along(middle_of(triangles[s]), axis) < along(middle_of(triangles[t]), axis);
+                       return coordinate(middle_of(triangles[s]), axis) < coordinate(middle_of(triangles[t]), axis);
                      });
     add_node(begin, half);
     nodes[number].second = add_node(half, end);
