@@ -5,14 +5,11 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <span>
 #include <string>
-#include <vector>
 
 #include "mesh_distances.hpp"
 #include "pointfair/cloud.hpp"
 #include "statistics.hpp"
-#include "surface.hpp"
 
 namespace pointfair::cli {
 

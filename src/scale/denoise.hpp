@@ -4,12 +4,10 @@
 
 #include <filesystem>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <stop_token>
 
 #include "scale/plan.hpp"
-#include "scale/points_file.hpp"
 #include "scale/stored_cloud.hpp"
 #include "seam/backend.hpp"
 

@@ -8,7 +8,6 @@
 
 #include "io/remaining_source.hpp"
 #include "io/streamed.hpp"
-#include "pointfair/file_info.hpp"
 #include "pointfair/run_notes.hpp"
 #include "scale/outlier_edits.hpp"
 #include "scale/plan.hpp"

@@ -10,7 +10,6 @@
 #include "estimate/automatic.hpp"
 #include "estimate/sensor.hpp"
 #include "scale/candidates.hpp"
-#include "scale/ingest.hpp"
 #include "scale/kept_leaves.hpp"
 #include "seam/cloud_sample.hpp"
 #include "tiles/choice.hpp"
