@@ -173,7 +173,8 @@ TEST_F(WideCloud, is_the_same_points_from_wherever_it_is_seen) {
     for (std::uint32_t tile = 0; tile < 2; ++tile) {
       std::vector<Point> points;
       std::vector<std::uint64_t> indices;
-      here.read(here.leaves_of({tile, tile + 1}), &points, &indices);
+      here.read(here.leaves_of({tile, tile + 1}), points);
+      here.read_stored(here.leaves_of({tile, tile + 1}), nullptr, &indices);
       ASSERT_EQ(points.size(), indices.size());
       for (std::size_t i = 0; i < points.size(); ++i) {
         ASSERT_EQ(tree_leaf(indices[i]), tile);
@@ -227,8 +228,8 @@ TEST_F(WideCloud, keeps_the_bits_of_a_zone_that_is_seen_from_its_middle) {
   for (std::uint32_t leaf = 0; leaf < cloud.leaves().size(); ++leaf) {
     const StoredCloud here = cloud.seen_from(zones_.middle_of(cloud.zone_of(leaf)));
     std::vector<Point> stored, points;
-    here.read_stored({leaf, leaf + 1}, stored);
-    here.read({leaf, leaf + 1}, &points, nullptr);
+    here.read_stored({leaf, leaf + 1}, &stored, nullptr);
+    here.read({leaf, leaf + 1}, points);
     EXPECT_EQ(set_of(stored), set_of(points));
   }
 }

@@ -55,7 +55,7 @@ class Tile final : private PointStore {
     const ForEach for_each = backend.sampling().on_host();
     results_ = own_;  // outliers of iterations before stay as they are
     find_known_copies();
-    if (work_.input.zones().are_several()) work_.input.read_stored(leaves_, results_);
+    if (work_.input.zones().are_several()) work_.input.read_stored(leaves_, &results_, nullptr);
     for (const Position& origin : origins_) {
       if (origin != origins_.front()) enter(origin);
       if (!has_points()) continue;
@@ -70,7 +70,7 @@ class Tile final : private PointStore {
 
   void write() {
     std::vector<std::uint64_t> indices;
-    work_.input.read(leaves_, nullptr, &indices);
+    work_.input.read_stored(leaves_, nullptr, &indices);
     work_.chunks ? write_by_chunk(indices) : write_by_leaf(indices);
     results_ = {};
   }
@@ -88,7 +88,7 @@ class Tile final : private PointStore {
     seen_.emplace(work_.input.seen_from(origin));
     stages_ = relative_to(origin, work_.stages, seen_->zones());
     bounds_ = kNoBounds;
-    seen_->read(leaves_, &own_, nullptr);
+    seen_->read(leaves_, own_);
     auto at = own_.begin();
     for (std::uint32_t leaf = leaves_.begin; leaf < leaves_.end; ++leaf) {
       const Bounds& its = seen_->leaves()[leaf];
@@ -165,7 +165,7 @@ class Tile final : private PointStore {
 
   Error does_not_fit(std::size_t number) const override {
     std::vector<std::uint64_t> indices;
-    work_.input.read(leaves_, nullptr, &indices);
+    work_.input.read_stored(leaves_, nullptr, &indices);
     return {ErrorKind::memory, "point " + std::to_string(indices[number]) +
                                    " (from 0) has a neighbourhood that does not fit into --memory, since it lies far "
                                    "from others or many share its place; give more memory, or leave it out"};

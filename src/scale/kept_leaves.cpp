@@ -15,7 +15,7 @@ void KeptLeaves::forget() {
 // for the one that was not needed for longest would always be needed next.
 std::span<const Point> KeptLeaves::leaf(std::uint32_t number) {
   if (!leaves_[number].empty()) return leaves_[number];
-  cloud_.read_stored({number, number + 1}, passing_);
+  cloud_.read_stored({number, number + 1}, &passing_, nullptr);
   if (kept_ + passing_.size() > most_) return passing_;
   constexpr std::size_t kBlock = 1 << 18;
   if (blocks_.empty() || blocks_.back().capacity() - blocks_.back().size() < passing_.size())

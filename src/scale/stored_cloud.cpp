@@ -133,19 +133,15 @@ void StoredCloud::for_pieces(const LeafRange& range, const IsWanted& is_wanted, 
   }
 }
 
-void StoredCloud::read_stored(const LeafRange& range, std::vector<Point>& points) const {
-  read_files(range, &points, nullptr);
-}
-
-void StoredCloud::read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const {
-  read_files(range, points, indices);
+void StoredCloud::read(const LeafRange& range, std::vector<Point>& points) const {
+  read_stored(range, &points, nullptr);
   std::uint64_t at = 0;
-  for (std::uint32_t leaf = range.begin; points && leaf < range.end; at += leaf_bounds_[leaf++].valid)
-    bring(leaf, std::span(*points).subspan(at, leaf_bounds_[leaf].valid));
+  for (std::uint32_t leaf = range.begin; leaf < range.end; at += leaf_bounds_[leaf++].valid)
+    bring(leaf, std::span(points).subspan(at, leaf_bounds_[leaf].valid));
 }
 
-void StoredCloud::read_files(const LeafRange& range, std::vector<Point>* points,
-                             std::vector<std::uint64_t>* indices) const {
+void StoredCloud::read_stored(const LeafRange& range, std::vector<Point>* points,
+                              std::vector<std::uint64_t>* indices) const {
   std::vector<std::uint64_t> next(range.end - range.begin + 1, 0);
   for (std::uint32_t leaf = range.begin; leaf < range.end; ++leaf)
     next[leaf - range.begin + 1] = next[leaf - range.begin] + leaf_bounds_[leaf].valid;

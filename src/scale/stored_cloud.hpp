@@ -49,12 +49,12 @@ class StoredCloud {
   /// So many of the last points of a leaf are copies, as the iteration before found.
   std::uint64_t copies_of(std::uint32_t leaf) const { return stored_->leaves[leaf].copies; }
 
-  /// The points of the leaves, leaf after leaf, and in the same order their indices in the input; of both, what is
-  /// given.
-  void read(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
-  /// The same points relative to the middles of their zones; and such points of a leaf as read() gives them.
-  void read_stored(const LeafRange& range, std::vector<Point>& points) const;
+  /// The points of the leaves, leaf after leaf, relative to the middles of their zones, and in the same order their
+  /// indices in the input; of both, what is given.
+  void read_stored(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
+  /// Such points of a leaf as offsets from the origin; and all of some leaves so.
   void bring(std::uint32_t leaf, std::span<Point> points) const;
+  void read(const LeafRange& range, std::vector<Point>& points) const;
   /// Appends the points of the region; of the leaves in `except`, only those that are computed around another origin.
   /// At most `most` of all are wanted: false as soon as there are more. Copies are left out where they surely lie where
   /// their firsts do. In several zones a first may be rounded around another origin: there copies come with the points,
@@ -103,7 +103,6 @@ class StoredCloud {
   // Calls visit(piece) for what the files have of the wanted leaves of the range, until it is false.
   template <class IsWanted, class Visit>
   void for_pieces(const LeafRange& range, const IsWanted& is_wanted, const Visit& visit) const;
-  void read_files(const LeafRange& range, std::vector<Point>* points, std::vector<std::uint64_t>* indices) const;
   std::uint64_t appended_of(std::uint32_t leaf) const;  // at most
   // Appends those points of a piece for which take(point).
   template <class Take>
