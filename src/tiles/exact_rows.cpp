@@ -33,8 +33,7 @@ void ExactRows::fill(PointStore& store, TileWorker& worker, std::vector<std::siz
       left.push_back({{middle, asked.end()}, its_halo});
       continue;
     }
-    worker.upload(IndexOrder::fastest);
-    worker.set_aside(copies);
+    worker.upload(IndexOrder::fastest, copies);
     const point::Region surely_known = without_border(worker.loaded, copies);
     left.push_back(
         {fill_exact(worker, asked,
@@ -49,8 +48,7 @@ void ExactRows::fill_from_nearest(PointStore& store, TileWorker& worker, std::si
   const double known = store.load_nearest(queries[query], worker) - reach_of_decision(copies);
   if (!(known > 0)) throw store.does_not_fit(query);
   worker.loaded = kEverywhere;
-  worker.upload(IndexOrder::fastest);
-  worker.set_aside(copies);
+  worker.upload(IndexOrder::fastest, copies);
   const auto squared_gap = [&](point::Vec3<float>) { return float(std::min(known * known, 1e38)); };
   if (!fill_exact(worker, {query}, squared_gap).empty()) throw store.does_not_fit(query);
   worker.note_costs();

@@ -45,8 +45,7 @@ std::optional<Isolated> isolated_at(const Point& place, PointStore& store, const
   if (!(known > 0) || at == worker.points.end()) return std::nullopt;
   const auto index = std::size_t(at - worker.points.begin());
   worker.loaded = kEverywhere;
-  worker.upload(stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
-  worker.set_aside(stages.copies);
+  worker.upload(stages.frame ? IndexOrder::along_curve : IndexOrder::fastest, stages.copies);
   if (!lacks_near_ones(worker, index, stages, known)) return std::nullopt;
   Backend& backend = *worker.backend;
   run_stages(backend, 0, stages, stop);

@@ -67,8 +67,7 @@ class Engine {
     worker.finish_upload();  // of a run that failed
     if (!run_.store.load(worker.loaded, worker)) return split(worker);
     within_memory(worker, [&] {
-      worker.upload(run_.stages.frame ? IndexOrder::along_curve : IndexOrder::fastest);
-      worker.set_aside(run_.stages.copies);
+      worker.upload(run_.stages.frame ? IndexOrder::along_curve : IndexOrder::fastest, run_.stages.copies);
       run_stages(*worker.backend, 0, settings_for(run_.stages, worker.numbers), stop_);
     });
   }
@@ -218,17 +217,9 @@ std::span<Point> TileWorker::room(HostBuffer& buffer, std::size_t count) {
 }
 
 // Beside other workers, an index gains nothing from being begun before all points are there.
-void TileWorker::upload(IndexOrder expected) {
+void TileWorker::upload(IndexOrder expected, const CopyRule& rule) {
   Overlap* const overlap = overlaps ? backend->overlap() : nullptr;
   overlap ? overlap->start_upload(points, IndexOrder::along_curve) : backend->upload(points, expected);
-}
-
-void TileWorker::finish_upload() {
-  Overlap* const overlap = overlaps ? backend->overlap() : nullptr;
-  if (overlap) overlap->finish_upload();
-}
-
-void TileWorker::set_aside(const CopyRule& rule) {
   copies.clear();
   if (!rule.any() && known_copies.empty()) return;
   finish_upload();
@@ -236,6 +227,11 @@ void TileWorker::set_aside(const CopyRule& rule) {
     copies = known_copies.empty() ? copies_among(points, rule, loaded) : copies_at_one_place(points, known_copies);
   });
   backend->set_aside(copies);
+}
+
+void TileWorker::finish_upload() {
+  Overlap* const overlap = overlaps ? backend->overlap() : nullptr;
+  if (overlap) overlap->finish_upload();
 }
 
 void TileWorker::note_costs() {

@@ -51,7 +51,8 @@ struct TileWorker {
   std::span<Point> room(HostBuffer& buffer, std::size_t count);
   HostBuffer in, out;
 
-  void upload(IndexOrder expected);
+  // The points, without their copies: those that are known, or those that the rule finds.
+  void upload(IndexOrder expected, const CopyRule& rule);
   void finish_upload();
   // Keeps the most that the backend took.
   void note_costs();
@@ -63,9 +64,6 @@ struct TileWorker {
   double halo = 0;  // with which it was loaded
   std::vector<unsigned char> outcomes;
   std::vector<Copy> copies;  // among the points
-
-  // Sets the copies aside, of points that were uploaded: those that are known, or those that the rule finds.
-  void set_aside(const CopyRule& rule);
 };
 
 // Where the points of a cloud are loaded from, and their results go. Several workers may load, and hand back results of
