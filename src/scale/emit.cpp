@@ -24,13 +24,13 @@ Position moved_position(const Position& own, const Point& before, const Point& n
 }  // namespace
 
 TileResults::TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-                         std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop)
+                         std::shared_ptr<const Source> source, const DisplacementLimits& limits, std::stop_token stop)
     : plan_(plan),
       first_point_(plan.files[file].first_point),
       source_(std::move(source)),
-      limits_(limits),
+      limits_(limits.or_endless()),
+      may_hold_back_(limits.farthest > 0 || plan.iterations > 1),
       stop_(std::move(stop)) {
-  limits_.limits = limits_.limits.or_endless();
   for (const std::filesystem::path& path : tiles) {
     TileFile its{path, std::vector<std::uint64_t>(plan.chunks.size() + 1, 0)};
     for (const Section& section : PointsFile(path).sections()) its.begins[section.key + 1] = section.count;
@@ -161,7 +161,7 @@ void TileResults::visit_outliers(unsigned threads, const std::function<void(cons
 void TileResults::limit(std::uint64_t first, const Before& before, std::span<Point> now,
                         std::span<point::Outlier> outliers) const {
   throw_if_stopped(stop_);
-  const point::NodeField field = field_of(limits_.limits.levels.get());
+  const point::NodeField field = field_of(limits_.levels.get());
   std::shared_ptr<const Held> held;
   std::size_t at = 0;  // among its points
   for (std::size_t i = 0; i < now.size(); ++i, ++at) {
@@ -172,9 +172,9 @@ void TileResults::limit(std::uint64_t first, const Before& before, std::span<Poi
     }
     const Point &from = before.in_zones[i], &to = held->points[at];
     now[i] = is_indexed(from) ? to : from;
-    if (!limits_.may_hold_back || !is_indexed(from)) continue;
+    if (!may_hold_back_ || !is_indexed(from)) continue;
     const float level = point::node_value(field, to_vec3(before.in_cloud[i]));
-    const auto limited = point::limited(to_vec3(from), to_vec3(to), limits_.limits, level);
+    const auto limited = point::limited(to_vec3(from), to_vec3(to), limits_, level);
     now[i] = {limited.place.x, limited.place.y, limited.place.z};
     outliers[i] = limited.outlier;
   }

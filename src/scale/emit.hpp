@@ -19,12 +19,6 @@
 
 namespace pointfair::scale {
 
-/// What becomes of the results of the last iteration: as a backend's download() does.
-struct FinalLimits {
-  DisplacementLimits limits;
-  bool may_hold_back = false;  ///< limits are set, or an iteration before may have left points out
-};
-
 /// Points of a file that follow each other, and why they are outliers.
 struct SomeOutliers {
   std::uint64_t first = 0;          ///< in the file
@@ -33,11 +27,12 @@ struct SomeOutliers {
       reasons{};  ///< 0: it is none; in `reasons`, those that the limits hold are none
 };
 
-/// The results of all tiles for the points of one file. Holds two chunks of the input at most.
+/// The results of all tiles for the points of one file, held back as a backend's download() does. Holds two chunks of
+/// the input at most.
 class TileResults final : public io::MovedPoints {
  public:
   TileResults(const std::vector<std::filesystem::path>& tiles, const Plan& plan, std::size_t file,
-              std::shared_ptr<const Source> source, const FinalLimits& limits, std::stop_token stop);
+              std::shared_ptr<const Source> source, const DisplacementLimits& limits, std::stop_token stop);
   Position origin_at(const Position& own, const Position& of_file) const override;
   void take(std::uint64_t first, std::span<const Position> own, std::span<const Point> before,
             std::span<Point> now) const override;
@@ -71,7 +66,8 @@ class TileResults final : public io::MovedPoints {
   const Plan& plan_;
   std::uint64_t first_point_;  ///< of the file
   std::shared_ptr<const Source> source_;
-  FinalLimits limits_;
+  DisplacementLimits limits_;
+  bool may_hold_back_;  ///< limits are set, or an iteration before may have left points out
   std::stop_token stop_;
   mutable std::mutex mutex_;
   mutable std::vector<std::shared_ptr<const Held>> held_;  ///< the last two

@@ -212,13 +212,11 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
 }
 
 TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop) {
-  const DisplacementLimits& of_run = settings().limits;
-  const FinalLimits limits{of_run, of_run.farthest > 0 || folder_.plan.iterations > 1};
   return {folder_.files_of({WorkStep::Kind::denoise, folder_.plan.iterations - 1}),
           folder_.plan,
           file,
           std::move(source),
-          limits,
+          settings().limits,
           stop};
 }
 
