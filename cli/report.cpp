@@ -54,6 +54,12 @@ UnmovedCounts without_removed(UnmovedCounts unmoved, const OutlierCounts& remove
   return unmoved;
 }
 
+// "auto (keep)" where the run chose.
+std::string param_told(const Params& asked, const Params& used, const ParamInfo& info) {
+  const std::string text = param_text(used, info);
+  return param_text(asked, info) == "auto" && text != "auto" ? fmt::format("auto ({})", text) : text;
+}
+
 }  // namespace
 
 std::string_view type_name(ScalarType type) {
@@ -105,6 +111,14 @@ std::string rounding_text(double step) {
   if (!(step > 0)) return {};
   return fmt::format("coordinates are stored in steps of {:.4g}: rounding adds {:.2g} on each axis\n", step,
                      kRoundingRms * step);
+}
+
+std::string details_told(const DeviceInfo& device, const Params& asked, const Params& used,
+                         const std::vector<StageTime>& stages) {
+  std::string text = fmt::format("device    {}, {} ({})\n", device_name(device.kind), device.name, device.reason);
+  for (const ParamInfo& info : kParams) text += fmt::format("  {:<18} {}\n", info.name, param_told(asked, used, info));
+  for (const StageTime& stage : stages) text += fmt::format("  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
+  return text;
 }
 
 std::string noise_and_moves(std::optional<double> noise, const std::string& source, double mean, double max) {

@@ -29,6 +29,9 @@ std::string coarse_steps(double step, double noise);
 Json rounding_json(double step);
 /// The line that tells it; empty without steps.
 std::string rounding_text(double step);
+/// The device, the parameters and each stage's time, a line each.
+std::string details_told(const DeviceInfo& device, const Params& asked, const Params& used,
+                         const std::vector<StageTime>& stages);
 /// "noise of the input ..., points moved ..."; `source` as noise_source says.
 std::string noise_and_moves(std::optional<double> noise, const std::string& source, double mean, double max);
 /// Where the noise comes from: "given", "estimated", or the attribute that has it.

@@ -4,6 +4,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <vector>
@@ -16,17 +17,6 @@
 
 namespace pointfair::cli {
 namespace {
-
-// Of an organised cloud without a given viewpoint: where the sensor stood by its grid, or how to say it; else empty.
-std::string grid_viewpoint_note(const Cloud& cloud) {
-  const FileInfo info = file_info(cloud);
-  if (info.grid_width == 0) return "";
-  for (const FileInfo::Row& row : info.rows)
-    if (row.name == "sensor") return fmt::format("the sensor stood at {}; --viewpoint none takes no place", row.value);
-  if (!file_viewpoints(cloud).empty()) return "";
-  return "the file does not say where the sensor stood, and its grid does not tell: --viewpoint x,y,z finds points "
-         "between two surfaces (mixed pixels)";
-}
 
 // Refuses before the run what would fail after it.
 void check_normals(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
@@ -97,7 +87,7 @@ std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std
 // Where a run takes a mesh as a cloud.
 std::vector<std::string> ignored_faces(const Params& params, const Limits& limits, const Cloud& cloud) {
   if (params.connectivity != Connectivity::automatic || limits.strength == 0) return {};
-  return notes_on_faces(polygons(cloud), cloud.points.size());
+  return notes_on_faces(cloud);
 }
 
 void add(const std::vector<std::string>& notes, Findings& findings) {
@@ -167,17 +157,20 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (tells) {
     progress.show(1, "measuring");
     count_limited(cloud, limits, movable, pipeline.outliers(), findings);
-    if (copies) return find_copied(write_options, denoised, pipeline, findings);
+    std::vector<std::string> beside = notes_on_waveforms(cloud);
+    std::ranges::move(notes_on_materials(cloud, arguments.input, arguments.output, write_options.format),
+                      std::back_inserter(beside));
+    if (copies) {
+      find_copied(write_options, denoised, pipeline, findings);
+      return add(beside, findings);
+    }
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     add(notes_on_viewpoints(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin,
                             pipeline.estimates(stop)),
         findings);
-    const bool is_unknown = arguments.viewpoint.empty() && !pipeline.report().found_sensor;
-    const std::string by_grid = is_unknown ? grid_viewpoint_note(cloud) : "";
-    if (!by_grid.empty()) findings.notes.push_back(by_grid);
+    if (arguments.viewpoint.empty() && !pipeline.report().found_sensor) add(notes_on_grid(cloud), findings);
     add(ignored_faces(params, limits, cloud), findings);
-    add(notes_on_waveforms(cloud), findings);
-    add(notes_on_materials(cloud, arguments.input, arguments.output, write_options.format), findings);
+    add(beside, findings);
     for (const std::string& note : acted)
       if (std::ranges::find(findings.notes, note) == findings.notes.end()) findings.notes.push_back(note);
     findings.report = pipeline.report();

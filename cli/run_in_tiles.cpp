@@ -116,7 +116,7 @@ void run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledCh
   if (!job.output_folder.empty()) folder.emplace(job.output_folder);
   check_outputs(arguments, job);
   run_in_tiles(job, arguments.tiled.work, device,
-               {arguments.report, arguments.progress, arguments.quiet, note_of(job, choice)}, stop);
+               {arguments.report, arguments.progress, arguments.quiet, arguments.verbose, note_of(job, choice)}, stop);
 }
 
 }  // namespace pointfair::cli

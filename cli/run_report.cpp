@@ -77,19 +77,6 @@ Json noise_json(const Report& report, const Findings& findings) {
   return json;
 }
 
-// "auto (keep)" where the run chose.
-std::string param_told(const Params& asked, const Params& used, const ParamInfo& info) {
-  const std::string text = param_text(used, info);
-  return param_text(asked, info) == "auto" && text != "auto" ? fmt::format("auto ({})", text) : text;
-}
-
-void print_details(const Report& report, const Params& asked) {
-  print_message("device    {}, {} ({})\n", device_name(report.device.kind), report.device.name, report.device.reason);
-  for (const ParamInfo& info : kParams)
-    print_message("  {:<18} {}\n", info.name, param_told(asked, report.params, info));
-  for (const StageTime& stage : report.stages) print_message("  {:<18} {:.1f} ms\n", stage.name, stage.milliseconds);
-}
-
 // Between the coordinates of the file written, where these are integers.
 double written_step(const Cloud& cloud, const WriteOptions& options) {
   if (options.las_scale) return *options.las_scale;
@@ -193,7 +180,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
     for (const std::string& note : findings.notes) print_message("note: {}\n", note);
     return;
   }
-  if (with_details) print_details(report, findings.asked);
+  if (with_details) print_message("{}", details_told(report.device, findings.asked, report.params, report.stages));
   const PointCounts counts = point_counts(report, findings);
   print_message("{}", points_told(counts, fmt::format("on {} in {:.1f} ms", device_name(report.device.kind),
                                                       report.total_milliseconds)));

@@ -152,8 +152,11 @@ void print_summary(const TiledReport& report) {
 }
 
 void tell(const TiledReport& report, const Device& device, const TiledOutput& output, const Costs* costs) {
-  if (!output.report.empty()) write_report(output.report, report_json(report, Pipeline(device).device(), costs));
-  if (!output.quiet) print_summary(report);
+  const DeviceInfo info = Pipeline(device).device();
+  if (!output.report.empty()) write_report(output.report, report_json(report, info, costs));
+  if (output.quiet) return;
+  if (output.verbose && costs) print_message("{}", details_told(info, report.asked, report.params, costs->steps));
+  print_summary(report);
 }
 
 }  // namespace

@@ -22,7 +22,7 @@ std::uint64_t memory_to_use(const TiledArguments& arguments);
 /// What else `run` was asked for beside a job: quiet, report and progress as there.
 struct TiledOutput {
   std::string report, progress;
-  bool quiet = false;
+  bool quiet = false, verbose = false;
   std::string note{};  // that is printed once the run is planned
 };
 

@@ -50,6 +50,12 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_viewpoints(std::span<const Po
 /// cloud, because most points are corners, that the faces were not followed. `points`: of the cloud. O(points and
 /// corners).
 POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Polygons& faces, std::size_t points);
+/// The same of the faces of a cloud's file, which are not held in memory for it.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Cloud& cloud);
+
+/// Of a run on an organised cloud that was given no place of the sensor, and found none by distances: where the sensor
+/// stood by the grid, or that neither the file nor its grid say it. Throws as file_info.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const Cloud& cloud);
 
 /// Of a file whose points moved and which keeps the normals that it had: that they are those from before, and what
 /// renews them. `format`: of the file that is written; unset: that of the cloud's own. Throws as file_info.

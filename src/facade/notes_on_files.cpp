@@ -4,10 +4,13 @@
 #include <filesystem>
 #include <fstream>
 #include <optional>
+#include <span>
 #include <string>
 #include <system_error>
 #include <vector>
 
+#include "io/faces.hpp"
+#include "io/sensor_place.hpp"
 #include "io/source.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/normals.hpp"
@@ -16,14 +19,56 @@
 
 namespace pointfair {
 
+namespace {
+
+// Counts faces, and the points that are corners.
+class CornerCounter final : public io::FaceVisitor {
+ public:
+  explicit CornerCounter(std::size_t points) : is_corner_(points, false) {}
+  void take(std::span<const std::uint32_t> corners, std::span<const float> = {}) override {
+    ++faces_;
+    for (const std::uint32_t corner : corners)
+      if (corner < is_corner_.size()) is_corner_[corner] = true;
+  }
+  std::vector<std::string> notes() const {
+    const auto corners = std::count(is_corner_.begin(), is_corner_.end(), true);
+    if (faces_ == 0 || 2 * corners < std::ptrdiff_t(is_corner_.size())) return {};
+    return {"the " + std::to_string(faces_) +
+            " faces of the file are kept and not followed; --connectivity mesh follows their edges"};
+  }
+
+ private:
+  std::vector<bool> is_corner_;
+  std::uint64_t faces_ = 0;
+};
+
+}  // namespace
+
 std::vector<std::string> notes_on_faces(const Polygons& faces, std::size_t points) {
-  std::vector<std::uint8_t> is_corner(points, 0);
-  for (const std::uint32_t corner : faces.corners)
-    if (corner < points) is_corner[corner] = 1;
-  const auto corners = std::count(is_corner.begin(), is_corner.end(), 1);
-  if (faces.size() == 0 || 2 * corners < std::ptrdiff_t(points)) return {};
-  return {"the " + std::to_string(faces.size()) +
-          " faces of the file are kept and not followed; --connectivity mesh follows their edges"};
+  CornerCounter counter(points);
+  for (std::size_t f = 0; f < faces.size(); ++f) {
+    const auto begin = static_cast<std::size_t>(f == 0 ? 0 : faces.ends[f - 1]);
+    counter.take(std::span(faces.corners).subspan(begin, static_cast<std::size_t>(faces.ends[f]) - begin));
+  }
+  return counter.notes();
+}
+
+std::vector<std::string> notes_on_faces(const Cloud& cloud) {
+  if (!cloud.source) return {};
+  CornerCounter counter(static_cast<std::size_t>(cloud.source->size()));
+  cloud.source->visit_faces(counter);
+  return counter.notes();
+}
+
+std::vector<std::string> notes_on_grid(const Cloud& cloud) {
+  const FileInfo info = file_info(cloud);
+  if (info.grid_width == 0) return {};
+  for (const FileInfo::Row& row : info.rows)
+    if (row.name == "sensor") return {"the sensor stood at " + row.value + "; --viewpoint none takes no place"};
+  if (io::has_sensor(*cloud.source)) return {};
+  return {
+      "the file does not say where the sensor stood, and its grid does not tell: --viewpoint x,y,z finds points "
+      "between two surfaces (mixed pixels)"};
 }
 
 std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format) {

@@ -67,9 +67,10 @@ std::vector<std::string> notes_on_files(const std::vector<InputFile>& files, con
   std::vector<std::string> notes;
   for (const InputFile& file : files) {
     for (const auto& [kind, text] : file.notes) {
-      const bool is_so = kind == FileNote::Kind::on_moves          ? has_moves
-                         : kind == FileNote::Kind::loss_by_removal ? has_removed
-                                                                   : true;
+      const bool is_so = kind == FileNote::Kind::on_moves            ? has_moves
+                         : kind == FileNote::Kind::loss_by_removal   ? has_removed
+                         : kind == FileNote::Kind::on_unfound_sensor ? !report.found_sensor
+                                                                     : true;
       if (is_so && std::ranges::find(notes, text) == notes.end()) notes.push_back(text);
     }
   }
@@ -82,11 +83,7 @@ std::vector<std::string> notes_on_files(const std::vector<InputFile>& files, con
 
 constexpr std::uint64_t kLeastBytesOfRecord = 2;  // of a point, in any file
 
-bool says_several_sensors(const Source& source) {
-  for (std::size_t block = 0; block < source.block_count(); ++block)
-    if (source.sensor(block)) return !io::common_sensor(source);
-  return false;
-}
+bool says_several_sensors(const Source& source) { return io::has_sensor(source) && !io::common_sensor(source); }
 
 }  // namespace
 

@@ -82,6 +82,12 @@ std::optional<Position> io::common_sensor(const Source& source) {
   return first;
 }
 
+bool io::has_sensor(const Source& source) {
+  for (std::size_t block = 0; block < source.block_count(); ++block)
+    if (source.sensor(block)) return true;
+  return false;
+}
+
 std::vector<Position> file_viewpoints(const Cloud& cloud) {
   if (!cloud.source) return {};
   const Source& source = *cloud.source;

@@ -15,4 +15,7 @@ std::optional<Position> named_place(std::string_view text);
 /// That of all blocks, if the file says it.
 std::optional<Position> common_sensor(const Source& source);
 
+/// Whether the source has the place of the sensor for some of its points.
+bool has_sensor(const Source& source);
+
 }  // namespace pointfair::io

@@ -15,7 +15,7 @@
 namespace pointfair::scale {
 
 std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source,
-                               const std::filesystem::path& output) {
+                               const InputFile& file) {
   std::vector<FileNote> notes;
   const auto add = [&](FileNote::Kind kind, const std::vector<std::string>& texts) {
     for (const std::string& text : texts) {
@@ -24,11 +24,16 @@ std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const 
     }
   };
   const std::string added = added_outlier_attribute(job.outlier_action, job.params, *source);
-  add(FileNote::Kind::loss, io::losses_when_streamed(*source, output, job.write, added));
+  add(FileNote::Kind::loss, io::losses_when_streamed(*source, file.output, job.write, added));
   if (job.outlier_action.kind == OutlierAction::Kind::remove)
     add(FileNote::Kind::loss_by_removal, io::losses_by_removal(*source));
   const Cloud shell{.origin = source->origin(), .source = source};
-  add(FileNote::Kind::beside, notes_on_waveforms(shell));
+  add(FileNote::Kind::remark, notes_on_waveforms(shell));
+  add(FileNote::Kind::remark, notes_on_materials(shell, file.path, file.output, source->format()));
+  if (job.params.connectivity == Connectivity::automatic && job.limits.strength > 0)
+    add(FileNote::Kind::remark, notes_on_faces(shell));
+  // several files that stand in grids are scans from several places
+  if (job.inputs.size() == 1 && job.viewpoint.empty()) add(FileNote::Kind::on_unfound_sensor, notes_on_grid(shell));
   add(FileNote::Kind::on_moves, notes_on_kept_normals(shell, source->format()));
   return notes;
 }

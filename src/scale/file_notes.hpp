@@ -14,20 +14,23 @@
 
 namespace pointfair::scale {
 
+struct InputFile;
+
 /// What is known of a result before the work, and told after it.
 struct FileNote {
   enum class Kind : std::uint8_t {
-    loss,             ///< the output does not keep it
-    loss_by_removal,  ///< the same, where points are left out
-    beside,           ///< files that lie beside the input
-    on_moves          ///< what no longer is true once points moved
+    loss,              ///< the output does not keep it
+    loss_by_removal,   ///< the same, where points are left out
+    remark,            ///< what is so whatever the run does
+    on_moves,          ///< what no longer is true once points moved
+    on_unfound_sensor  ///< what is so unless the run finds the place of the sensor by itself
   };
   Kind kind;
   std::string text;  ///< one line
 };
 
-std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source,
-                               const std::filesystem::path& output);
+/// `file`: its paths.
+std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source, const InputFile& file);
 
 /// Throws Error(file) where notes tell of losses.
 void refuse_losses(const std::filesystem::path& output, const std::vector<FileNote>& notes);

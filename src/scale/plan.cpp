@@ -151,12 +151,6 @@ std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::sh
   return sensor;
 }
 
-bool says_sensor(const Source& source) {
-  for (std::size_t block = 0; block < source.block_count(); ++block)
-    if (source.sensor(block)) return true;
-  return false;
-}
-
 // Why the sensor of the job is not one that tiles can take; empty if it is.
 std::string why_not_this_sensor(const TiledJob& job, const std::optional<Position>& sensor) {
   if (!job.viewpoint.empty() && job.viewpoint != "none" && !sensor)
@@ -332,7 +326,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     // the types of a text are known once all of it was read
     plan.stores_floats |= source->encoding() != Encoding::ascii && source->stores_floats();
     file.coordinate_system = coordinate_system_of(*source);
-    file.notes = notes_on(job, source, file.output);
+    file.notes = notes_on(job, source, file);
     file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;
@@ -341,8 +335,8 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   }
   if (job.write.strict) refuse_losses(plan);
   plan.sensor = sensor_of(job, sources);
-  plan.seeks_sensor =
-      job.viewpoint.empty() && std::ranges::none_of(sources, [](const auto& source) { return says_sensor(*source); });
+  plan.seeks_sensor = job.viewpoint.empty() &&
+                      std::ranges::none_of(sources, [](const auto& source) { return io::has_sensor(*source); });
   refuse_if(why_not_this_sensor(job, plan.sensor));
   plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });

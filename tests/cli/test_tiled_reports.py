@@ -114,6 +114,52 @@ class Reports(Case):
         path.write_text(head + "".join("%.4f %.4f %.4f\n" % row for row in rows))
         return path
 
+    def notes_of_both(self, source, output, *words):
+        notes = [self.report("run", source, output, "--force", *words, *tiles)["notes"] for tiles in ([], ["--tiles", 3])]
+        self.assertEqual(sorted(notes[0]), sorted(notes[1]))
+        return "\n".join(notes[1])
+
+    def write_mesh(self, path, head):
+        """A grid of 20 x 20 points with faces that uses a picture or materials beside it. Returns the path."""
+        points = list(ground(400))
+        faces = [(i, i + 1, i + 20) for i in range(380) if i % 20 < 19]
+        if path.suffix == ".ply":
+            extra = [("float", name, [0.5] * 400) for name in ("texture_u", "texture_v")]
+            write_ply(path, points, faces, extra=extra)
+            path.write_text(path.read_text().replace("ascii 1.0\n", "ascii 1.0\n" + head, 1))
+        else:
+            rows = ["v %.4f %.4f %.4f" % p for p in points] + ["f %d %d %d" % tuple(i + 1 for i in face) for face in faces]
+            path.write_text("\n".join([head, *rows, ""]))
+        return path
+
+    def test_what_stays_behind_and_is_not_followed_is_told_as_in_memory(self):
+        for name in ("t.png", "m.mtl"):
+            self.path(name).write_bytes(b"x")
+        self.path("out").mkdir()
+        for name, head in (("in.ply", "comment TextureFile t.png\n"), ("in.obj", "mtllib m.mtl")):
+            source = self.write_mesh(self.path(name), head)
+            told = self.notes_of_both(source, self.path("out") / name)
+            self.assertIn("361 faces of the file are kept and not followed", told)
+            self.assertIn("beside the input only lies what the result names: " + head.split()[-1], told)
+            self.assertNotIn("not followed", self.notes_of_both(source, self.path("out") / name, "--connectivity", "points"))
+            copied = self.ok("run", source, self.path("out") / name, "--force", "--strength", 0).stderr.decode()
+            self.assertIn("beside the input only", copied)
+            self.assertNotIn("not followed", copied)
+        grid = self.write_grid(self.path("grid.pcd"))
+        told = self.notes_of_both(grid, self.path("out.pcd"))
+        self.assertIn("its grid does not tell: --viewpoint x,y,z finds points between two surfaces", told)
+        self.assertNotIn("its grid", self.notes_of_both(grid, self.path("out.pcd"), "--viewpoint", "none"))
+
+    def test_verbose_runs_print_parameters_and_times(self):
+        source = write_ply(self.path("in.ply"), scan_with_outliers())
+        lines = [self.ok("run", source, self.path("out.ply"), "--force", "-v", *words).stderr.decode().splitlines()
+                 for words in ([], ["--tiles", 3])]
+        heads = [its[:[line.split()[0] for line in its].index("tangential") + 1] for its in lines]
+        self.assertEqual(heads[0], heads[1])
+        self.assertTrue(heads[1][0].startswith("device "), heads[1])
+        steps = [line.split()[0] for line in lines[1] if line.endswith(" ms")]
+        self.assertEqual(steps, ["plan", "ingest", "measure", "denoise-1", "denoise-2", "emit"])
+
     def write_text(self, path):
         path.write_text("".join("%.4f %.4f %.4f\n" % p for p in scan_with_outliers()))
         return path
