@@ -21,6 +21,7 @@ struct Look {
   double spacing = 0, noise = 0, diagonal = 0, float_step = 0, stored_step = 0, coordinate_step = 0;  // of the input
   bool is_noise_known = true;
   bool is_noise_given = false;
+  bool pulls_outliers = false;
   Displacement moved;
   std::uint64_t finite = 0, without_surface = 0;  // points
   bool is_shared = false;                         // the noise, in neighbourhoods that the run chose
@@ -65,9 +66,10 @@ void add_rounded(const Look& look, std::vector<std::string>& notes) {
                   ": noise and shape that are finer than the steps do not show");
 }
 
+constexpr double kFewPoints = 0.003;  // apart, in diagonals: a surface of some 100,000 points
+
 void add_sparse(const Look& look, std::vector<std::string>& notes) {
-  constexpr double kFarApart = 100;     // spacings in the noise; below a seventieth, run removes hardly any
-  constexpr double kFewPoints = 0.003;  // of the diagonal: a surface of some 100,000 points
+  constexpr double kFarApart = 100;  // spacings in the noise; below a seventieth, run removes hardly any
   const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
   if (!is_sparse || !(look.noise > 0) || look.spacing <= kFarApart * look.noise) return;
   notes.push_back("points are " + rounded(look.spacing) + " apart, " + whole(look.spacing / look.noise) +
@@ -78,11 +80,17 @@ void add_sparse(const Look& look, std::vector<std::string>& notes) {
 
 void add_large(const Look& look, std::vector<std::string>& notes) {
   constexpr double kLarge = 0.02;  // of the diagonal; noise that anyone measured is a tenth of that
-  const double large = std::max(look.noise, look.moved.p95);
-  if (!(look.diagonal > 0) || large <= kLarge * look.diagonal) return;
-  notes.push_back("the noise of " + rounded(look.noise) + " and moves of up to " + rounded(look.moved.max) +
-                  " are large against the cloud, whose diagonal is " + rounded(look.diagonal) + ": its points, " +
-                  rounded(look.spacing) + " apart, may be too few to show a surface; compare before and after");
+  const double large = kLarge * look.diagonal;
+  const bool noise_is = look.noise > large, moves_are = look.moved.p95 > large;
+  if (!(look.diagonal > 0) || (!noise_is && !moves_are)) return;
+  std::string note = noise_is ? "the noise of " + rounded(look.noise) : "";
+  if (moves_are) note += (noise_is ? " and moves of up to " : "moves of up to ") + rounded(look.moved.max);
+  note += (moves_are ? " are" : " is") + (" large against the cloud, whose diagonal is " + rounded(look.diagonal));
+  if (!noise_is && look.pulls_outliers)
+    note += ": --outliers move pulls outliers in from so far; --outliers keep leaves them where they are";
+  else if (look.spacing > kFewPoints * look.diagonal)
+    note += ": its points, " + rounded(look.spacing) + " apart, may be too few to show a surface";
+  notes.push_back(note + "; compare before and after");
 }
 
 void add_long_wave(const Look& look, std::vector<std::string>& notes) {
@@ -257,6 +265,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .stored_step = stored_step,
                 .coordinate_step = estimates.coordinate_step,
                 .is_noise_given = is_noise_given(asked, report.params),
+                .pulls_outliers = asked.outliers == Outliers::move,
                 .moved = moved,
                 .finite = estimates.finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, estimates.finite),
@@ -286,6 +295,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .coordinate_step = report.coordinate_step,
                 .is_noise_known = report.noise || is_noise_given(report.asked, report.params),
                 .is_noise_given = is_noise_given(report.asked, report.params),
+                .pulls_outliers = report.asked.outliers == Outliers::move,
                 .moved = report.displacement,
                 .finite = finite,
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, finite),

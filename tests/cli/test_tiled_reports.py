@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles on disk say the same of a run as runs in memory."""
+import random
 import unittest
 
 from program import Case, positions, run, write_ply
@@ -159,6 +160,14 @@ class Reports(Case):
         self.assertTrue(heads[1][0].startswith("device "), heads[1])
         steps = [line.split()[0] for line in lines[1] if line.endswith(" ms")]
         self.assertEqual(steps, ["plan", "ingest", "measure", "denoise-1", "denoise-2", "emit"])
+
+    def test_noise_that_was_not_measured_is_not_told(self):
+        rng = random.Random(1)
+        source = write_ply(self.path("in.ply"), [[rng.gauss(0, 1) for _ in range(3)] for _ in range(300)])
+        lengths = [word for flag in ("similarity-sigma", "closeness-sigma", "normal-sigma") for word in ("--" + flag, "1")]
+        words = ["--k", 20, *lengths, "--outliers", "off", "--tiles", 2]
+        said = self.ok("run", source, self.path("out.ply"), *words).stderr.decode()
+        self.assertRegex(said, r"\nnote: moves of up to \d\S* are large against the cloud, whose diagonal is \d\S*; compare")
 
     def write_text(self, path):
         path.write_text("".join("%.4f %.4f %.4f\n" % p for p in scan_with_outliers()))

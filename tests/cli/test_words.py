@@ -136,6 +136,16 @@ class Words(Case):
         for tiles in ([], ["--tiles", "2"]):
             self.assertIn("large against the cloud", self.said(*tiles))
 
+    def test_outliers_that_are_moved_far_are_told_as_such(self):
+        rng = random.Random(1)
+        plane = [(x / 50, y / 50, rng.gauss(0, 0.001)) for x in range(50) for y in range(50)]
+        write_ply(self.path("in.ply"), plane + [(rng.random(), rng.random(), rng.uniform(-0.3, 0.3)) for _ in range(250)])
+        for tiles in ([], ["--tiles", "2"]):
+            said = self.said("--outliers", "move", *tiles)
+            self.assertRegex(said, r"note: moves of up to \S+ are large against .*: --outliers move pulls outliers in")
+            self.assertNotIn("too few", said)
+            self.assertNotIn("large against", self.said("--outliers", "mark", *tiles))
+
     def test_noise_that_neighbours_share_is_told(self):
         write_ply(self.path("in.ply"), shared_noise(1))
         self.assertNotIn("long-wave", self.said())
