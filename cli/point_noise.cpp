@@ -41,13 +41,13 @@ std::string take_noise_attribute(ParamArguments& params) {
 }
 
 void use_noise_attribute(const Cloud& cloud, const std::string& name, const std::string& input, Pipeline& pipeline) {
-  const std::optional<AttributeInfo> info = attribute_info(cloud, name);
+  const std::optional<AttributeInfo> info = meant_attribute(cloud, name);
   if (!info || info->components != 1)
     refuse(
         fmt::format("--noise {}: {} has no attribute '{}' of one number a point; it has {}. Name one of them, or give "
                     "a length",
                     name, input, name, scalar_names(cloud)));
-  const Attribute given = attribute(cloud, name);
+  const Attribute given = attribute(cloud, info->name);
   std::vector<float> values(cloud.points.size());
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(value_at(given, i));
   if (std::none_of(values.begin(), values.end(), [](float value) { return value > 0; }))

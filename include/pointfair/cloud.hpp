@@ -80,6 +80,11 @@ POINTFAIR_EXPORT std::vector<AttributeInfo> attributes(const Cloud& cloud);
 /// Name and shape of the attribute `name`; nothing if there is none.
 POINTFAIR_EXPORT std::optional<AttributeInfo> attribute_info(const Cloud& cloud, std::string_view name);
 
+/// The attribute that a user means by `name`: the one of this name; else the only one whose name differs in upper and
+/// lower case alone, or for which LAS files have this name (`las_name`). Nothing if there is none, or there are
+/// several.
+POINTFAIR_EXPORT std::optional<AttributeInfo> meant_attribute(const Cloud& cloud, std::string_view name);
+
 /// The values of the attribute `name`. Throws ErrorKind::usage if there is none. O(N).
 POINTFAIR_EXPORT Attribute attribute(const Cloud& cloud, std::string_view name);
 

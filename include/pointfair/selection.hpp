@@ -27,8 +27,9 @@ POINTFAIR_EXPORT std::vector<Selection> parse_selections(std::string_view name, 
 /// The text that parse_selections reads.
 POINTFAIR_EXPORT std::string selections_text(const std::vector<Selection>& selections);
 
-/// 1 for each point of the cloud that the selection contains, else 0. Throws ErrorKind::usage if the cloud has no such
-/// attribute, or it is not one integer a point. O(N), and what reading the attribute costs.
+/// 1 for each point of the cloud that the selection contains, else 0. The attribute is that of meant_attribute. Throws
+/// ErrorKind::usage if the cloud has none such, or it is not one integer a point, of any type. O(N), and what reading
+/// the attribute costs.
 POINTFAIR_EXPORT std::vector<std::uint8_t> selected_points(const Selection& selection, const Cloud& cloud);
 
 }  // namespace pointfair

@@ -4,6 +4,7 @@
 
 #include "io/scalar.hpp"
 #include "io/source.hpp"
+#include "io/text.hpp"
 #include "pointfair/cloud.hpp"
 #include "pointfair/file_info.hpp"
 
@@ -48,6 +49,18 @@ std::optional<AttributeInfo> attribute_info(const Cloud& cloud, std::string_view
   const std::vector<AttributeInfo> all = attributes(cloud);
   const auto its = find_named(all, name);
   return its == all.end() ? std::nullopt : std::optional(*its);
+}
+
+std::optional<AttributeInfo> meant_attribute(const Cloud& cloud, std::string_view name) {
+  if (std::optional<AttributeInfo> its = attribute_info(cloud, name)) return its;
+  const std::vector<AttributeInfo> all = attributes(cloud);
+  const auto only = [&](const auto& is_it) -> std::optional<AttributeInfo> {
+    if (std::ranges::count_if(all, is_it) != 1) return std::nullopt;
+    return *std::ranges::find_if(all, is_it);
+  };
+  const std::string lower = io::lower_case(name), of_las = las_name(name);
+  if (auto its = only([&](const AttributeInfo& info) { return io::lower_case(info.name) == lower; })) return its;
+  return only([&](const AttributeInfo& info) { return las_name(info.name) == of_las; });
 }
 
 // 64-bit integers, which the interface does not have, become doubles of the same size.

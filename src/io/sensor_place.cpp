@@ -54,16 +54,13 @@ std::optional<Position> position_of(std::string_view text, const Words& words) {
 void read_axis(std::string_view text, std::string_view name, const Cloud& cloud, std::size_t axis,
                std::vector<Position>& out) {
   std::string has;
-  bool found = false;
-  for (const AttributeInfo& info : attributes(cloud)) {
-    if (info.components != 1) continue;
-    has += (has.empty() ? "" : ", ") + info.name;
-    found = found || info.name == name;
-  }
-  if (!found)
+  for (const AttributeInfo& info : attributes(cloud))
+    if (info.components == 1) has += (has.empty() ? "" : ", ") + info.name;
+  const std::optional<AttributeInfo> meant = meant_attribute(cloud, name);
+  if (!meant || meant->components != 1)
     refuse(text, "the cloud has no attribute '" + std::string(name) + "' of one number a point; it has " +
                      (has.empty() ? "none" : has));
-  const Attribute values = attribute(cloud, name);
+  const Attribute values = attribute(cloud, meant->name);
   for (std::size_t i = 0; i < out.size(); ++i) out[i][axis] = value_at(values, i);
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 #include <charconv>
+#include <cmath>
+#include <optional>
 
 #include "pointfair/selection.hpp"
 
@@ -71,15 +73,20 @@ std::string selections_text(const std::vector<Selection>& selections) {
 }
 
 std::vector<std::uint8_t> selected_points(const Selection& selection, const Cloud& cloud) {
-  const Attribute values = attribute(cloud, selection.attribute);
-  if (values.components != 1 || values.type == ScalarType::float32 || values.type == ScalarType::float64)
-    throw Error(ErrorKind::usage,
-                "the attribute '" + selection.attribute + "' is not one integer a point; choose another");
+  const std::optional<AttributeInfo> meant = meant_attribute(cloud, selection.attribute);
+  const Attribute values = attribute(cloud, meant ? meant->name : selection.attribute);
+  const auto refuse_unless = [&](bool is_integer) {
+    if (!is_integer)
+      throw Error(ErrorKind::usage, "the attribute '" + values.name + "' is not one integer a point; choose another");
+  };
+  refuse_unless(values.components == 1);
   std::vector<std::uint8_t> selected(cloud.points.size());
   for (std::size_t i = 0; i < selected.size(); ++i) {
-    const auto value = static_cast<std::int64_t>(value_at(values, i));
-    selected[i] = std::ranges::any_of(selection.ranges,
-                                      [&](const auto& range) { return value >= range[0] && value <= range[1]; });
+    const double value = value_at(values, i);  // texts have classes such as 2.000
+    refuse_unless(!std::isfinite(value) || value == std::floor(value));
+    selected[i] = std::ranges::any_of(selection.ranges, [&](const auto& range) {
+      return value >= static_cast<double>(range[0]) && value <= static_cast<double>(range[1]);
+    });
   }
   return selected;
 }

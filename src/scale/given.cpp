@@ -6,6 +6,7 @@
 #include <cmath>
 #include <functional>
 #include <mutex>
+#include <optional>
 
 #include "estimate/constants.hpp"
 #include "io/parallel.hpp"
@@ -16,14 +17,15 @@
 namespace pointfair::scale {
 namespace {
 
-std::size_t column_of(const Source& source, const std::string& name) {
-  const std::vector<io::Column> columns = source.columns();
-  const auto its = std::ranges::find(columns, name, &io::Column::name);
+std::size_t column_of(const std::shared_ptr<const Source>& source, const std::string& name) {
+  const std::vector<io::Column> columns = source->columns();
+  const std::optional<AttributeInfo> meant = meant_attribute({.source = source}, name);
+  const auto its = std::ranges::find_if(columns, [&](const auto& c) { return meant && c.name == meant->name; });
   if (its != columns.end() && its->components == 1) return static_cast<std::size_t>(its - columns.begin());
   std::string known;
   for (const io::Column& column : columns)
     if (column.components == 1) known += (known.empty() ? "" : ", ") + column.name;
-  throw Error(ErrorKind::usage, "--noise " + name + ": " + source.name() + " has no attribute '" + name +
+  throw Error(ErrorKind::usage, "--noise " + name + ": " + source->name() + " has no attribute '" + name +
                                     "' of one number a point; it has " + (known.empty() ? "none" : known) +
                                     ". Name one of them, or give a length");
 }
@@ -104,7 +106,7 @@ void check_attributes(const std::shared_ptr<const Source>& source, const Limits&
   const Cloud none = part_of(source, 0, {});
   held_by_any(limits.where, none);
   held_by_any(limits.ignore, none);
-  if (!noise.empty()) column_of(*source, noise);
+  if (!noise.empty()) column_of(source, noise);
 }
 
 GivenNoise noise_of_attribute(Inputs& inputs, const Plan& plan, unsigned threads, const std::stop_token& stop) {
@@ -113,7 +115,7 @@ GivenNoise noise_of_attribute(Inputs& inputs, const Plan& plan, unsigned threads
     for (const InputChunk& chunk : plan.chunks) {
       const std::shared_ptr<Source> source = inputs.open(chunk.file);
       source->place_at(plan.zones.origin);
-      const std::size_t column = column_of(*source, plan.noise_attribute);
+      const std::size_t column = column_of(source, plan.noise_attribute);
       io::with_threads(threads, [&] {
         io::for_each_block(chunk.end_block - chunk.first_block, [&](std::size_t i) {
           throw_if_stopped(stop);

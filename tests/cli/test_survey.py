@@ -91,6 +91,24 @@ class Survey(Case):
         self.assertEqual(report["unmoved"]["held"], 1250)
         self.assertEqual(report["unmoved"]["non_finite"], 0)
 
+    def test_names_of_attributes_are_found_whatever_their_case(self):
+        points, classes = list(ground(400)), [2, 6, 7, 5] * 100
+        vegetation = write_ply(self.path("in.ply"), points, extra=[("uchar", "Classification", classes),
+                                                                   ("float", "Sigma", [0.01] * 400)])
+        text = self.path("in.csv")
+        rows = ["%.3f,%.3f,%.3f,%.3f,.01\n" % (*p, kind) for p, kind in zip(points, classes)]
+        text.write_text("X,Y,Z,Classification,Sigma\n" + "".join(rows))
+        for source in (vegetation, text):
+            for words in ([], ["--tiles", 2]):
+                job = ["run", source, self.path("out" + source.suffix), "--force", *words]
+                report = self.report(*job, "--ignore", "classification=5", "--where", "CLASSIFICATION=2", "--noise", "sigma")
+                self.assertEqual((report["unmoved"]["ignored"], report["unmoved"]["held"]), (100, 200))
+        text.write_text(text.read_text().replace("Sigma", "classification", 1).replace("Classification", "CLASSIFICATION", 1))
+        self.fails(2, "run", text, self.path("out.csv"), "--force", "--where", "Classification=2",
+                   says="it has CLASSIFICATION, classification")
+        self.fails(2, "run", text, self.path("out.csv"), "--force", "--where", "classification=2",
+                   says="not one integer a point")
+
     def test_wrong_selections_are_one_line(self):
         out = self.path("out.las")
         self.fails(2, "run", self.las, out, "--where", "classification", says="--where")
