@@ -47,6 +47,15 @@ void check_values(const OutlierAction& action, const std::string& name, Cloud cl
   check_write(output, cloud, options);
 }
 
+// Other files without a place for marks are written without them, and a note says so.
+void check_marks(Outliers outliers, const Cloud& cloud, const WriteOptions& options) {
+  const std::optional<Format> own = file_info(cloud).format;
+  if (outliers == Outliers::mark && own == Format::e57 && options.format.value_or(*own) == Format::e57)
+    throw Error(ErrorKind::usage,
+                "--outliers mark: a copy of an E57 file takes no further attributes, so no marks; write PLY, PCD or "
+                "LAZ, or use --outliers keep");
+}
+
 }  // namespace
 
 OutlierAction take_outlier_action(ParamArguments& params) {
@@ -64,9 +73,9 @@ OutlierAction take_outlier_action(ParamArguments& params) {
   return action;
 }
 
-void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const std::filesystem::path& output,
-                          const WriteOptions& options) {
-  if (action.kind == Kind::none) return;
+void check_outlier_action(const OutlierAction& action, Outliers outliers, const Cloud& cloud,
+                          const std::filesystem::path& output, const WriteOptions& options) {
+  if (action.kind == Kind::none) return check_marks(outliers, cloud, options);
   if (action.kind == Kind::remove) {
     if (!cloud.points.empty())
       check_write(output, without_points(cloud, std::vector<std::uint8_t>(cloud.points.size())), options);

@@ -18,8 +18,8 @@ inline constexpr const char* kOutlierActions = "classify[=CLASS]|withheld|remove
 OutlierAction take_outlier_action(ParamArguments& params);
 
 /// Refuses before the run what would fail after it, writing to `output`. Throws ErrorKind::usage.
-void check_outlier_action(const OutlierAction& action, const Cloud& cloud, const std::filesystem::path& output,
-                          const WriteOptions& options);
+void check_outlier_action(const OutlierAction& action, Outliers outliers, const Cloud& cloud,
+                          const std::filesystem::path& output, const WriteOptions& options);
 
 /// A sentence on what was done and, where many of the outliers were vegetation or wires, on how to leave these out.
 std::string outcome_text(const OutlierAction& action, const OutlierOutcome& outcome);

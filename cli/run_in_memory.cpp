@@ -106,7 +106,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   check_normals(arguments, cloud, write_options);
   check_write(arguments.output, cloud, write_options);
   check_order(arguments, cloud, write_options);
-  check_outlier_action(arguments.outlier_action, cloud, arguments.output, write_options);
+  check_outlier_action(arguments.outlier_action, params.outliers, cloud, arguments.output, write_options);
   if (!arguments.write_noise.empty()) check_new_attribute(cloud, "--write-noise", arguments.write_noise, write_options);
   if (!arguments.write_displacement.empty())
     check_new_attribute(cloud, "--write-displacement", arguments.write_displacement, write_options);

@@ -109,6 +109,14 @@ class Survey(Case):
         self.fails(2, "run", text, self.path("out.csv"), "--force", "--where", "classification=2",
                    says="not one integer a point")
 
+    def test_marks_for_which_an_e57_file_has_no_place_are_refused_before_the_run(self):
+        scan = write_e57(self.path("in.e57"), ground(900))
+        if self.is_built_in("info", scan):
+            job = ["run", scan, self.path("out.e57"), "--outliers", "mark"]
+            self.fails(2, *job, says=["E57", "write PLY, PCD or LAZ", "--outliers keep"])
+            self.assertNotIn(b"fairing", run(*job, "--progress", "plain").stderr)
+            self.ok("run", scan, self.path("out.ply"), "--outliers", "mark", "-q")
+
     def test_wrong_selections_are_one_line(self):
         out = self.path("out.las")
         self.fails(2, "run", self.las, out, "--where", "classification", says="--where")
