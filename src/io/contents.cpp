@@ -35,13 +35,12 @@ class Attributes {
         channels[channel] = info.name;
         has_bytes_ = has_bytes_ && info.type == ScalarType::uint8;
       }
-      packed_ =
-          packed_ || ((info.name == "rgb" || info.name == "rgba") && info.components == 1 && size_of(info.type) == 4);
-      if ((info.name == "rgb" || info.name == "rgba") && packed_) colors_.push_back(info.name);
+      if ((info.name == "rgb" || info.name == "rgba") && info.components == 1 && size_of(info.type) == 4)
+        colors_.push_back(info.name);
     }
     const bool complete = std::none_of(channels.begin(), channels.end(), [](const auto& name) { return name.empty(); });
-    if (complete) colors_.insert(colors_.end(), channels.begin(), channels.end());
-    has_channels_ = complete && !packed_;
+    if (complete) colors_.assign(channels.begin(), channels.end());  // packed ones are one more attribute then
+    has_channels_ = complete;
   }
 
   void tell(std::vector<Content>& to) const {
@@ -104,7 +103,7 @@ class Attributes {
 
   const Cloud& cloud_;
   std::vector<std::string> normals_, colors_;
-  bool packed_ = false, has_channels_ = false;
+  bool has_channels_ = false;
   bool has_bytes_ = true;  // the channels are bytes
 };
 

@@ -312,6 +312,8 @@ void pack_colors(Table& table) {
   }
   std::erase_if(table.columns,
                 [](const TableColumn& c) { return std::ranges::find(kChannels, c.name) != kChannels.end(); });
+  for (TableColumn& column : table.columns)
+    if (column.name == packed.name) column.name += "_2";
   table.columns.push_back(std::move(packed));
 }
 
@@ -324,7 +326,13 @@ NewNames pcd_names(const std::vector<std::string>& columns) {
 
 }  // namespace
 
-std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud) { return pcd_names(ply_names(cloud)).renamed; }
+std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud) {
+  const std::vector<std::string> names = ply_names(cloud);
+  std::vector<std::string> renamed = pcd_names(names).renamed;
+  const auto has = [&](std::string_view name) { return std::ranges::find(names, name) != names.end(); };
+  if (has("rgb") && std::ranges::all_of(kChannels, has)) renamed.push_back("rgb");  // as in pack_colors
+  return renamed;
+}
 
 std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);

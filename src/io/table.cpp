@@ -110,9 +110,15 @@ Table make_table(const Cloud& cloud) {
 }
 
 void use_ply_names(Table& table, ColorDepth depth) {
+  // beside channels it is one more attribute
+  const bool has_channels = std::ranges::all_of(kChannels, [&](std::string_view channel) {
+    return std::ranges::any_of(table.columns,
+                               [&](const TableColumn& column) { return ply_name(column.name) == channel; });
+  });
   std::vector<TableColumn> columns;
   for (TableColumn& column : table.columns) {
-    if ((column.name == "rgb" || column.name == "rgba") && column_bytes(column) == 4 && column.components == 1) {
+    const bool is_packed = column.name == "rgb" || column.name == "rgba";
+    if (is_packed && !has_channels && column_bytes(column) == 4 && column.components == 1) {
       split_packed_color(column, columns);
     } else if (column.components != 1) {
       split_components(column, columns);

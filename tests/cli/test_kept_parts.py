@@ -119,6 +119,18 @@ class Names(Conversion):
         own = {"classification": "0", "classification_2": "3.5", "Classification": "6", "nir": "0", "nir_2": "0.5"}
         self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
+    def test_colours_keep_their_names_beside_packed_ones(self):
+        cloud = self.ply("a.ply", ["uint rgb", "uchar red", "uchar green", "uchar blue"], [0x0a0b0c, 1, 2, 3])
+        for name in ("b.csv", "b.las", "b.pcd"):
+            new, lost = self.convert(cloud, name)
+            depth = 257 if name == "b.las" else 1  # 65535 / 255
+            own = {"red": 1 * depth, "green": 2 * depth, "blue": 3 * depth, "rgb_2" if name == "b.pcd" else "rgb": 658188}
+            self.assertEqual(len(lost), name == "b.pcd", lost)
+            names, row = self.columns(new)
+            self.assertEqual({name: int(row[names.index(name)]) for name in own}, own)
+        _, lost = self.convert(cloud, "b.off")
+        self.assertEqual(lost, ["note: OFF files have no place for the attribute rgb; PLY, PCD and CSV keep it"])
+
     def test_names_that_others_have_in_a_new_file_are_told(self):
         properties = ["float nx", "float ny", "float nz", "float normal_x", "uchar colorRed", "uchar red", "uchar green",
                       "uchar blue", "double timeStamp", "double gps_time", "float cartesianX"]
