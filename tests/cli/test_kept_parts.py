@@ -119,6 +119,13 @@ class Names(Conversion):
         own = {"classification": "0", "classification_2": "3.5", "Classification": "6", "nir": "0", "nir_2": "0.5"}
         self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
+    def test_whole_numbers_of_64_bits_are_times(self):
+        for time, is_time in ((250000000, True), (2 ** 60 + 1, False)):
+            las, _ = self.convert(self.ply("a.ply", ["int64 GpsTime"], [time]), "b.las")
+            names, row = self.columns(las)
+            self.assertEqual("GpsTime" in names, not is_time)
+            self.assertEqual(float(row[names.index("gps_time")]), time if is_time else 0)
+
     def test_colours_keep_their_names_beside_packed_ones(self):
         cloud = self.ply("a.ply", ["uint rgb", "uchar red", "uchar green", "uchar blue"], [0x0a0b0c, 1, 2, 3])
         for name in ("b.csv", "b.las", "b.pcd"):

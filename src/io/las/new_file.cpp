@@ -64,7 +64,7 @@ struct Mapping {
   double factor = 1;
 };
 
-// Whether all values of the column are integers that the field holds.
+// Whether the field holds all values of the column: as integers where it has these.
 bool fits(const TableColumn& column, const Field& field) {
   const double most = field.bits != 0 ? double((1U << field.bits) - 1) : with_type(field.type, [](auto tag) {
     return static_cast<double>(std::numeric_limits<decltype(tag)>::max());
@@ -72,6 +72,12 @@ bool fits(const TableColumn& column, const Field& field) {
   const double least =
       with_type(field.type, [](auto tag) { return static_cast<double>(std::numeric_limits<decltype(tag)>::lowest()); });
   if (column.components != 1) return false;
+  if (field.type == NativeType::float64 && is_integer(column.type) && size_of(column.type) == 8) {
+    constexpr double kMost = 9007199254740992;  // 2^53; from there on a double skips integers
+    for (std::size_t i = 0; i < column.value_count(); ++i)
+      if (!(std::abs(column.value(i)) < kMost)) return false;
+    return true;
+  }
   if (field.type == NativeType::float64) return size_of(column.type) < 8 || column.type == field.type;
   if (!is_integer(field.type)) return column.type == field.type;
   for (std::size_t i = 0; i < column.value_count(); ++i) {
