@@ -94,11 +94,6 @@ void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) 
   result.displacement = summarize(lengths);
 }
 
-bool is_octree(const Cloud& cloud) {
-  const std::vector<FileInfo::Row> rows = file_info(cloud).rows;
-  return !rows.empty() && rows.front().value.ends_with(", COPC");
-}
-
 }  // namespace
 
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {
@@ -109,7 +104,7 @@ Comparison compare_copies(const Cloud& before, const Cloud& after, const std::st
                                              before.points.size() > after.points.size()
                                                  ? ". Where outliers were removed, --report of that run makes the page"
                                                  : ""));
-  if (is_octree(after) && !keeps_order(after, Format::copc))
+  if (file_info(after).is_octree && !keeps_order(after, Format::copc))
     throw Error(ErrorKind::file, names +
                                      ": COPC files have their points in the order of an octree, so that no point of "
                                      "one can be found in the other; write LAZ, and make the COPC file of that");

@@ -101,7 +101,8 @@ FileInfo LasSource::info() const {
                  {"offset", listed_numbers(header.scaling.offset, 15)},
                  {"software", std::string(get_text(bytes(), place::software, 32))},
                  {"system", std::string(get_text(bytes(), place::system, 32))}};
-  if (layout_.is_copc()) result.rows.front().value += ", COPC";
+  result.is_octree = layout_.is_copc();
+  if (result.is_octree) result.rows.front().value += ", COPC";
   return result;
 }
 
