@@ -35,6 +35,7 @@ void LoadedCloud::forget() {
   spacing_without_copies.reset();
   copies_.clear();
   seams_.clear();
+  repeats_.reset();
   aside_ = Aside::nothing;
   noise.reset();
   levels.reset();
@@ -76,11 +77,22 @@ void LoadedCloud::carry_over(const std::function<void()>& make) {
   cached = {};
 }
 
+std::vector<Copy> LoadedCloud::copies_by(const CopyRule& rule, std::span<Point> points, const std::stop_token& stop) {
+  std::vector<Copy> its;
+  backend().download_input(points);
+  backend().sampling().for_each_on_host(1, [&](std::size_t) { its = copies_among(points, rule, kEverywhere, stop); });
+  return its;
+}
+
+void LoadedCloud::find_repeats(const Point& corner, const std::stop_token& stop) {
+  if (repeats_) return;
+  std::vector<Point> points(points_);
+  repeats_ = copies_by({0, corner}, points, stop);
+}
+
 void LoadedCloud::find_copies(const CopyRule& rule, double times, const std::stop_token& stop) {
   std::vector<Point> points(points_);
-  backend().download_input(points);
-  backend().sampling().for_each_on_host(1,
-                                        [&](std::size_t) { copies_ = copies_among(points, rule, kEverywhere, stop); });
+  copies_ = copies_by(rule, points, stop);
   std::vector<std::uint32_t> firsts;
   std::vector<Point> places;
   for (const std::uint32_t index : sample->indices) {
@@ -92,6 +104,7 @@ void LoadedCloud::find_copies(const CopyRule& rule, double times, const std::sto
 
 void LoadedCloud::set_aside(Aside which) {
   if (which == Aside::seams && seams_.empty()) which = Aside::nothing;
+  if (which == Aside::repeats && repeats_->empty()) which = Aside::nothing;
   if (which == aside_) return;
   cached = Cached{.order = cached.order, .settings = {}};
   aside_ = which;
@@ -100,7 +113,17 @@ void LoadedCloud::set_aside(Aside which) {
 }
 
 std::span<const Copy> LoadedCloud::copies_aside() const {
-  return aside_ == Aside::nothing ? std::span<const Copy>() : aside_ == Aside::copies ? copies_ : seams_;
+  switch (aside_) {
+    case Aside::copies:
+      return copies_;
+    case Aside::seams:
+      return seams_;
+    case Aside::repeats:
+      return *repeats_;
+    case Aside::nothing:
+      break;
+  }
+  return {};
 }
 
 bool LoadedCloud::move_to_cpu() {

@@ -22,8 +22,8 @@ namespace pointfair {
 using MakeBackend = std::function<std::unique_ptr<Backend>()>;
 
 // Points that stages do not see, and that get what others have: the copies that were found; along a mesh, of each
-// vertex all points but its first.
-enum class Aside { nothing, copies, seams };
+// vertex all points but its first; of each place all points but one.
+enum class Aside { nothing, copies, seams, repeats };
 
 // What computes tiles.
 struct MakeWorkers {
@@ -62,6 +62,8 @@ class LoadedCloud {
 
   // Finds the copies by the rule, and the sample of the cloud without them; `times` as CopiesFound::points.
   void find_copies(const CopyRule& rule, double times, const std::stop_token& stop);
+  // Finds the points at one place, unless this was done. `corner`: as in CopyRule.
+  void find_repeats(const Point& corner, const std::stop_token& stop);
   // Of a mesh over the points.
   void keep_seams(std::vector<Copy> seams) { seams_ = std::move(seams); }
   // What was found or kept before; nothing is cached after a change.
@@ -88,6 +90,8 @@ class LoadedCloud {
   void reset() noexcept;
   void carry_over(const std::function<void()>& make);
   void upload(std::span<const Point> points, IndexOrder expected, bool overlapped);
+  // Of the cloud's points, which `points` gets.
+  std::vector<Copy> copies_by(const CopyRule& rule, std::span<Point> points, const std::stop_token& stop);
   Cards cards() const { return {workers_.of_cards.size(), workers_.worth_dividing}; }
   std::uint64_t tiles_after(const Error& error) const;
   void hold(std::uint64_t points);
@@ -100,6 +104,7 @@ class LoadedCloud {
   bool is_on_cpu_ = false;            // whether it was moved there
   Aside aside_ = Aside::nothing;
   std::vector<Copy> copies_, seams_;
+  std::optional<std::vector<Copy>> repeats_;
   MakeWorkers workers_;
   std::uint64_t points_ = 0;
   std::uint64_t tiles_ = 1;  // that the backend was asked to cut the cloud into

@@ -178,9 +178,19 @@ Resolved Pipeline::State::resolve_once(const Params& params, const std::stop_tok
   if (needed.estimates.spacing) found.spacing = *spacing(needed.estimates.noise);
   if (needed.estimates.noise)
     found = {found.spacing, noise(), levels(), cloud.reach_levels, seeks_sensor_ ? cloud.sensor : KnownSensor{}};
-  if (params.connectivity != Connectivity::mesh)
-    set_aside(needed.estimates.noise && has_copies() ? Aside::copies : Aside::nothing);
+  if (params.connectivity != Connectivity::mesh) set_copies_aside(params, stop);
   return pointfair::resolve(params, std::move(found), needed.diagonal ? diagonal_of(sample().bounds) : 0.0);
+}
+
+// Of a run along no mesh.
+void Pipeline::State::set_copies_aside(const Params& params, const std::stop_token& stop) {
+  Aside which = needed_by(params).estimates.noise && has_copies() ? Aside::copies : Aside::nothing;
+  if (which == Aside::nothing && params.method == Method::implicit) {
+    // the edges of its equations lead to one of the points at a place, whatever their number
+    cloud.find_repeats(frame().corner, stop);
+    which = Aside::repeats;
+  }
+  set_aside(which);
 }
 
 void Pipeline::State::set_noise(std::span<const float> sigmas) {

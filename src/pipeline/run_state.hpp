@@ -128,6 +128,7 @@ struct Pipeline::State {
   double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
   Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
   void set_seams_aside(const Params& used);
+  void set_copies_aside(const Params& params, const std::stop_token& stop);
   void follow_mesh(const Params& used, Settings& settings);
   KnownSensor known_sensor(const Params& used, const std::stop_token& stop);
   Noise noise() const;

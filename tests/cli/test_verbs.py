@@ -2,6 +2,7 @@
 """Every verb: what it prints, the keys of its report, the flags, the exit code of a wrong command line."""
 import json
 import math
+import random
 import re
 import unittest
 from pathlib import Path
@@ -122,6 +123,15 @@ class Run(Case):
         self.assertAlmostEqual(params["radius"], 0.5)
         for name in ("rho", "delta", "normal_sigma", "closeness_sigma", "similarity_sigma"):
             self.assertGreater(params[name], 0)
+
+    def test_few_points_at_one_place_stay_there_with_method_implicit(self):
+        points = sphere_points(800, 0.01)
+        twice = random.Random(3).sample(range(800), 8)
+        for order in (1, -1):
+            write_ply(self.path("in.ply"), (points + [points[i] for i in twice])[::order])
+            self.ok("run", self.path("in.ply"), self.path("out.ply"), "--method", "implicit", "--force", "-q")
+            result = positions(self.path("out.ply"))[::order]
+            self.assertEqual([result[i] for i in twice], result[800:])
 
     def test_each_key_is_documented_and_each_documented_key_is_there(self):
         points = [(x / 20, y / 20, 0.01 * ((7 * x + 3 * y) % 5)) for x in range(20) for y in range(20)]
