@@ -206,6 +206,10 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   for (std::string& sentence : sentences(lost, to, is_own && !copied)) result.push_back(std::move(sentence));
   if (!keeps_order(cloud, to))
     result.push_back("COPC files keep their points in the order of an octree, so the order of the points changes");
+  if (to == Format::copc && cloud.source && cloud.source->has_geotiff_keys())
+    result.push_back(
+        "the coordinate system stays in GeoTIFF keys, as the LAS file has it, which readers that follow "
+        "LAS 1.4 do not look for in COPC files; PDAL (writers.copc, a_srs) writes it as WKT");
   if (to == Format::stl && !copied)
     for (std::string& sentence : io::losses_in_new_stl(cloud)) result.push_back(std::move(sentence));
   return result;

@@ -34,6 +34,7 @@ class PlacedSource final : public Source {
   std::optional<Position> sensor(std::size_t block) const override;
   bool says_sensor() const override { return !file_ || file_->says_sensor(); }
   FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
+  bool has_geotiff_keys() const override { return file_ && file_->has_geotiff_keys(); }
   std::vector<std::string> losses(Encoding to) const override;
   std::vector<Content> contents() const override { return file_ ? file_->contents() : std::vector<Content>{}; }
   std::vector<std::string> names_by_place() const override {

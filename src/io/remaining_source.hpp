@@ -34,6 +34,7 @@ class RemainingSource final : public Source {
   std::optional<Position> sensor(std::size_t block) const override { return file_->sensor(block); }
   bool says_sensor() const override { return file_->says_sensor(); }
   FileInfo info() const override { return of_some_points(file_->info()); }
+  bool has_geotiff_keys() const override { return file_->has_geotiff_keys(); }
   std::vector<Content> contents() const override { return file_->contents(); }
   std::vector<std::string> names_by_place() const override { return file_->names_by_place(); }
   std::string why_fixed(std::size_t column) const override { return file_->why_fixed(column); }

@@ -128,6 +128,8 @@ class Source {
   virtual bool says_sensor() const { return true; }
   /// What the file says beside its points.
   virtual FileInfo info() const { return {}; }
+  /// Whether the coordinate system stands in GeoTIFF keys alone, as in older LAS files.
+  virtual bool has_geotiff_keys() const { return false; }
   /// Why a copy of the file cannot have new values of an attribute; empty if it can.
   virtual std::string why_fixed(std::size_t) const { return {}; }
   /// What the file holds beside points, attributes and faces.

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """What surveyors ask for: classes, units, integer grids, normals that go stale."""
+import struct
 import unittest
 
 from program import Case, positions, read_ply, run, sphere_points, write_ply
-from survey_files import DEGREES, FEET, ground, las_grid, write_e57, write_las
+from survey_files import DEGREES, FEET, ground, las_grid, write_e57, write_las, write_old_las
 
 
 class Survey(Case):
@@ -163,6 +164,19 @@ class Survey(Case):
         self.assertNotIn("--las-scale", self.ok("run", self.las, self.path("quiet.las")).stderr.decode())
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="divided by a whole number")
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="divided by a whole number")
+
+    def test_copc_says_that_the_coordinate_system_stands_in_old_keys(self):
+        keys = struct.pack("<8H", 1, 1, 0, 1, 3072, 0, 1, 25832)
+        record = struct.pack("<H16sHH32s", 0, b"LASF_Projection", 34735, len(keys), b"")
+        old = write_old_las(self.path("old.las"), ground(900))
+        data = bytearray(old.read_bytes())
+        struct.pack_into("<II", data, 96, 227 + len(record + keys), 1)
+        old.write_bytes(bytes(data[:227]) + record + keys + bytes(data[227:]))
+        self.assertIn("EPSG:25832", self.ok("info", old).stdout.decode())
+        for source, is_old in ((old, True), (self.las, False)):
+            if self.is_built_in("run", source, self.path("out.copc.laz"), "--force", "-q"):
+                said = self.ok("run", source, self.path("out.copc.laz"), "--strength", "0", "--force").stderr.decode()
+                self.assertEqual("stays in GeoTIFF keys" in said, is_old)
 
     def test_copc_says_that_the_order_changes(self):
         if self.is_built_in("run", self.las, self.path("out.copc.laz")):

@@ -131,6 +131,8 @@ CoordinateSystem from_keys(std::string_view data, std::string_view text) {
 
 }  // namespace
 
+bool has_geotiff_keys(const Header& header) { return header.find(kUser, kGeoKeys) && !header.find(kUser, kWkt); }
+
 CoordinateSystem coordinate_system(const Header& header) {
   if (const Record* const wkt = header.find(kUser, kWkt)) return WktReader(wkt->data).read();
   const Record* const keys = header.find(kUser, kGeoKeys);

@@ -16,5 +16,7 @@ struct CoordinateSystem {
 };
 
 CoordinateSystem coordinate_system(const Header& header);
+/// Whether it stands in GeoTIFF keys alone, which point formats from 6 on do not have.
+bool has_geotiff_keys(const Header& header);
 
 }  // namespace pointfair::io::las

@@ -7,6 +7,7 @@
 #include <limits>
 
 #include "io/formats.hpp"
+#include "io/las/coordinate_system.hpp"
 #include "io/las/frame.hpp"
 #include "io/las/laz.hpp"
 #include "io/las/octree.hpp"
@@ -155,7 +156,7 @@ class CopcFile {
     put<std::uint64_t>(front, place::waveform_begin, 0);
     put(front, place::count, header_.count);
     for (std::size_t r = 1; r < returns_.size(); ++r) put(front, place::returns + 8 * (r - 1), returns_[r]);
-    const bool has_keys = header_.find("LASF_Projection", 34735) && !header_.find("LASF_Projection", 2112);
+    const bool has_keys = has_geotiff_keys(header_);
     const auto encoding = get<std::uint16_t>(front, place::global_encoding);
     put(front, place::global_encoding, static_cast<std::uint16_t>(has_keys ? encoding & ~kWkt : encoding | kWkt));
     front += make_record("copc", 1, "COPC info VLR", info());

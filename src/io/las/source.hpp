@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "io/las/coordinate_system.hpp"
 #include "io/las/fields.hpp"
 #include "io/las/laz.hpp"
 #include "io/las/store.hpp"
@@ -43,6 +44,7 @@ class LasSource : public Source {
   std::vector<Content> contents() const override;
   std::vector<std::string> companions() const override;
   FileInfo info() const override;
+  bool has_geotiff_keys() const override { return las::has_geotiff_keys(layout_.header); }
 
  private:
   friend class LasWriter;
