@@ -109,6 +109,22 @@ Params in_units_of_file(const Params& params, const Source& source, bool are_sev
   }
 }
 
+// Coordinates in feet and in metres are not those of one cloud. `first`: the first source that says its unit; null:
+// none did.
+void refuse_other_unit(const Source& source, const Source*& first) {
+  constexpr double kSame = 1e-3;  // of the unit; feet are of several kinds
+  const std::optional<double> its = source.info().metres_per_unit;
+  if (!its) return;
+  if (!first) first = &source;
+  const double unit = *first->info().metres_per_unit;
+  if (std::abs(*its - unit) <= kSame * unit) return;
+  char lengths[2][32];
+  std::snprintf(lengths[0], sizeof lengths[0], "%.4g", *its);
+  std::snprintf(lengths[1], sizeof lengths[1], "%.4g", unit);
+  refuse(source.name() + ": its unit is " + lengths[0] + " m, and that of " + first->name() + " is " + lengths[1] +
+         " m, so that together they are no cloud; convert one of them, or treat every file on its own with run --each");
+}
+
 // A box of positions.
 struct Extent : io::BoxOf<double> {
   double diagonal() const { return portable::hypot(max[0] - min[0], max[1] - min[1], max[2] - min[2]); }
@@ -309,6 +325,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.coordinate_step = kInfinite;
   plan.memory = memory_of_task(job);
   std::vector<std::shared_ptr<Source>> sources;
+  const Source* with_unit = nullptr;
   for (InputFile file : files_of(job)) {
     if (!job.write.overwrite && fs::exists(file.output))  // rather than after the work
       io::fail(platform::text_of(file.output), "exists already; add --force to replace it");
@@ -317,6 +334,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     refuse_if(why_not_written(job, *source, file.output));
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
+    refuse_other_unit(*source, with_unit);
     const Params params = in_units_of_file(job.params, *source, job.inputs.size() > 1);
     if (sources.size() > 1 && params != plan.params)
       refuse(platform::text_of(file.path) +

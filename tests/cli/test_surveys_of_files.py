@@ -7,7 +7,7 @@ import shutil
 import unittest
 
 from program import Case, run
-from survey_files import METRES, ground, write_las
+from survey_files import FEET, METRES, ground, write_las
 
 
 class Surveys(Case):
@@ -75,6 +75,15 @@ class Surveys(Case):
         refused = self.path("refused")
         self.fails(2, "run", self.tiles, "--out-dir", refused, "--noise", "2cm", says=["part3.las: --noise", "unit"])
         self.assertFalse(refused.exists(), "a folder for results that never came")
+
+    def test_files_in_feet_and_in_metres_are_no_cloud(self):
+        write_las(self.tiles / "part2.las", ground(400), [2] * 400, crs=FEET)
+        said = self.fails(2, "run", self.tiles, "--out-dir", self.path("out"),
+                          says=["part2.las: its unit is 0.3048 m", "run --each"])
+        self.assertRegex(said, r"that of \S*part0.las is 1 m")
+        self.fails(2, "tile", "plan", self.tiles, "--out-dir", self.path("out"), "--work", self.path("work"),
+                   says="part2.las: its unit")
+        self.ok("run", self.tiles, "--out-dir", self.path("out"), "--each", "-q")
 
     def test_more_files_than_a_process_may_hold_open(self):
         many = self.path("many")
