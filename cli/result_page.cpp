@@ -333,6 +333,13 @@ class PageMaker {
     return table_of(caption, pairs);
   }
 
+  // Lengths as elsewhere on the page.
+  std::string value_of(const Params& params, const ParamInfo& info) const {
+    const auto* const length = std::get_if<Length Params::*>(&info.field);
+    const bool is_of_file = length && (params.*(*length)).unit == Length::Unit::file;
+    return is_of_file ? length_((params.*(*length)).value) : param_text(params, info);
+  }
+
   std::string made_section() const {
     const DeviceInfo device = job_.run ? job_.run->device : pipeline_.device();
     Pairs pairs{
@@ -349,7 +356,7 @@ class PageMaker {
     for (const ParamInfo& info : kParams) {
       if (is_of_meshes(info) && !is_mesh) continue;
       if (info.name.starts_with("implicit_") && !is_implicit) continue;
-      const std::string text = param_text(job_.run->params, info);
+      const std::string text = value_of(job_.run->params, info);
       const bool is_chosen = param_text(job_.asked, info) == "auto";
       used.emplace_back(info.name, is_chosen && text != "auto" ? fmt::format("auto ({})", text) : text);
     }

@@ -12,7 +12,7 @@ import zlib
 from html.parser import HTMLParser
 
 from program import Case, payload, read_ply, sphere_points, write_ply
-from survey_files import write_las
+from survey_files import FEET, ground, write_las
 
 
 class Page(HTMLParser):
@@ -261,6 +261,16 @@ class Pages(Case):
         self.assertTrue(quiet[1].endswith(" mm") and loud[1].endswith(" mm"), (quiet, loud))
         self.assertGreater(float(loud[1].split()[0]), 1.5 * float(quiet[1].split()[0]))
         self.assertTrue(any("25832" in value for rows in page.rows.values() for row in rows for value in row))
+
+    def test_parameters_have_the_units_of_all_lengths(self):
+        points = [(x * 10, y * 10, z * 10) for x, y, z in ground(900)]
+        for crs, unit in ((FEET, "mm"), (b"", "units")):
+            tile = write_las(self.path("in.las"), points, [2] * 900, crs=crs)
+            self.ok("run", tile, self.path("out.las"), "--force", "-q", "--delta", "0.25", "--report", self.html)
+            rows = Page(self.html).rows
+            for name in ("noise", "radius", "similarity_sigma", "displacement_limit"):
+                self.assertRegex(rows[name][0][0], r"^auto \([0-9.]+ %s\)$" % unit)
+            self.assertEqual(rows["delta"][0][0], "76.2 mm" if crs else "0.25 units")
 
     def test_json_is_not_called_a_table(self):
         for words in (("run", self.scan, self.out), ("info", self.scan), ("run", self.scan, self.out, "--tiles", 2)):
