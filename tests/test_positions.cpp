@@ -8,6 +8,7 @@
 #include <random>
 
 #include "io_files.h"
+#include "pointfair/file_info.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/positions.hpp"
 
@@ -192,6 +193,38 @@ TEST(Positions, ThatAreSetKeepTheirDigits) {
       EXPECT_EQ(out, wanted);
     }
   }
+}
+
+// Also where some points were left out, before or after others were set, in the file's own format and in another.
+TEST(Positions, ThatAreSetWherePointsAreLeftOutKeepTheirDigits) {
+  const auto near = random_positions(300, {}, 40), far = random_positions(300, {500000.123, 5.8e6, 120}, 40);
+  std::vector<std::uint8_t> removed(300);
+  removed[3] = removed[250] = 1;
+  const auto left_of = [](std::vector<Position> all) {
+    all.erase(all.begin() + 250);
+    all.erase(all.begin() + 3);
+    return all;
+  };
+  const Cloud text = parse(image(parse(ply_of(near)), Format::xyz), "cloud.xyz");
+  const Cloud off = parse(image(parse(ply_of(near)), Format::off), "cloud.off");
+  for (const Cloud& start : {parse(ply_of(near)), parse(ply_of(far)), text, off})
+    for (const bool is_set_before : {false, true}) {
+      Cloud cloud = start;
+      if (is_set_before) set_positions(cloud, far);
+      cloud = without_points(cloud, removed);
+      for (const auto& wanted : {left_of(far), left_of(near)}) {
+        set_positions(cloud, wanted);
+        std::vector<Position> out(wanted.size());
+        positions(cloud, out);
+        EXPECT_EQ(out, wanted);
+        const Format own = *file_info(start).format;
+        const std::string name = own == Format::ply ? "c.ply" : own == Format::off ? "c.off" : "c.xyz";
+        const Cloud written = parse(image(cloud, own), name);
+        ASSERT_EQ(written.points.size(), wanted.size()) << name << is_set_before;
+        positions(written, out);
+        EXPECT_EQ(out, wanted) << name << is_set_before;
+      }
+    }
 }
 
 TEST(Positions, ThatAreSetInPartLeaveTheBytesOfTheOthers) {

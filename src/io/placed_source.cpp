@@ -93,14 +93,14 @@ std::vector<std::string> PlacedSource::companions() const {
 
 // Floats that are large against the extent are as coarse as what choose_origin does away with.
 bool PlacedSource::holds_its_positions() const {
-  if (!file_) return false;
+  if (!file_ || !file_->holds_its_positions()) return false;
   return file_->coordinate_type() != ScalarType::float32 || type_ == ScalarType::float32 || origin() == Position{};
 }
 
 std::vector<std::string> PlacedSource::losses(Encoding to) const {
   std::vector<std::string> result = file_ ? file_->losses(to) : std::vector<std::string>{};
   const bool is_of_memory = name().empty();
-  if (file_ && !is_of_memory && !holds_its_positions())
+  if (file_ && !is_of_memory && file_->holds_its_positions() && !holds_its_positions())
     result.push_back(
         "the coordinates of the file are 32-bit floats, which would round the positions that were given: "
         "the file is written anew, in double, with its attributes and faces and without its comments");
@@ -109,7 +109,7 @@ std::vector<std::string> PlacedSource::losses(Encoding to) const {
 
 void PlacedSource::write(const Edits& edits, Encoding encoding, Output& out) const {
   Edits of_file = edits;
-  of_file.placed = this;
+  if (!of_file.placed) of_file.placed = this;  // else it was placed again
   file_->write(of_file, encoding, out);
 }
 

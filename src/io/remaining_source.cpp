@@ -3,9 +3,12 @@
 
 #include <algorithm>
 #include <cstring>
+#include <optional>
 #include <string>
 #include <utility>
 
+#include "io/parallel.hpp"
+#include "io/placed_source.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -61,6 +64,20 @@ Attribute RemainingSource::of_all(const Attribute& remaining) const {
   return all;
 }
 
+// Positions of all points of the file; those that are left out keep the file's.
+std::vector<Position> RemainingSource::of_all(const PlacedSource& remaining) const {
+  std::vector<Position> all(static_cast<std::size_t>(file_->size()));
+  for_each_block(block_count(), [&](std::size_t block) {
+    const auto begin = static_cast<std::size_t>(file_->block_begin(block));
+    file_->positions(block, std::span(all).subspan(begin, file_->block_size(block)));
+    std::vector<Position> its(block_size(block));
+    remaining.positions(block, its);
+    const std::span<const std::uint32_t> kept = kept_of(block);
+    for (std::size_t k = 0; k < kept.size(); ++k) all[kept[k]] = its[k];
+  });
+  return all;
+}
+
 std::vector<std::string> RemainingSource::losses(Encoding to) const {
   if (!file_->leaves_points_out()) return {};
   std::vector<std::string> result = file_->losses(to);
@@ -109,6 +126,9 @@ void RemainingSource::write(const Edits& edits, Encoding encoding, Output& out) 
   const MovedRemaining moved(kept_, edits.cloud.points);
   Edits of_file{shell, {}, {}, edits.las_scale, &moved};
   of_file.removed = removed;
+  std::optional<PlacedSource> placed;  // the file, with the positions that what is left of it was given
+  if (edits.placed) of_file.placed = &placed.emplace(file_, of_all(*edits.placed), edits.placed->coordinate_type());
+  if (placed) placed->place_at(edits.placed->origin());
   for (const Attribute* added : edits.added) of_file.added.push_back(&values.emplace_back(of_all(*added)));
   for (const Replacement& its : edits.replaced)
     of_file.replaced.push_back({its.column, &values.emplace_back(of_all(*its.values))});

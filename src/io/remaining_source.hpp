@@ -44,6 +44,7 @@ class RemainingSource final : public Source {
  private:
   std::span<const std::uint32_t> kept_of(std::size_t block) const;
   Attribute of_all(const Attribute& remaining) const;
+  std::vector<Position> of_all(const PlacedSource& remaining) const;
 
   std::shared_ptr<const Source> file_;
   std::vector<Column> columns_;
