@@ -210,6 +210,25 @@ TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
   }
 }
 
+TEST(ViewerSession, AnOrganisedCloudSaysWhatItsGridTellsOfTheSensor) {
+  std::string bytes =
+      "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 40\nHEIGHT 40\nPOINTS 1600\n"
+      "DATA ascii\n";
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, 0.02);
+  for (int i = 0; i < 1600; ++i)
+    bytes += std::to_string(0.1 * (i % 40)) + " " + std::to_string(0.1 * (i / 40)) + " " +
+             std::to_string(noise(random)) + "\n";
+  FakePage page;
+  Session session(cpu_options(), page.send());
+  session.open(read(std::as_bytes(std::span(bytes)), "scan.pcd"), "scan.pcd");
+  EXPECT_TRUE(session.greet());
+  EXPECT_TRUE(session.receive(run_text(1, Json::object())));
+  const Json notes = page.wait_for("result", 1).head["notes"];
+  ASSERT_EQ(notes.size(), 1u) << notes;
+  EXPECT_NE(std::string(notes[0]).find("its grid does not tell: --viewpoint x,y,z"), std::string::npos) << notes;
+}
+
 // Oracle: the sentence, with the numbers that a fresh pipeline measures.
 TEST(ViewerSession, AResultSaysWhyItMayNotBeWhatItSeems) {
   Points scattered = shapes::plane(300);

@@ -292,6 +292,10 @@ std::vector<std::string> Document::notes_on(const Request& request, const Displa
       notes_on_run(params, pipeline_->estimates(stop), pipeline_->report(),
                    {moved.mean, moved.rms, moved.p95, moved.max}, stored_float_step(cloud_, facts_.estimates));
   notes.insert(notes.end(), notes_.begin(), notes_.end());
+  if (viewpoint().empty() && !pipeline_->report().found_sensor) {
+    const std::vector<std::string> on_grid = notes_on_grid(cloud_);
+    notes.insert(notes.end(), on_grid.begin(), on_grid.end());
+  }
   if (params.connectivity == Connectivity::automatic && limits.strength > 0)
     notes.insert(notes.end(), notes_on_faces_.begin(), notes_on_faces_.end());
   return notes;

@@ -23,6 +23,7 @@ std::vector<std::string> notes_on_file(const Cloud& before, const Cloud& after, 
   const auto moved = std::mismatch(before.points.begin(), before.points.end(), after.points.begin(),
                                    [](const Point& p, const Point& q) { return !has_moved(p, q); });
   if (moved.first != before.points.end()) add(notes_on_kept_normals(after, format));
+  add(notes_on_waveforms(before));
   add(notes_on_materials(before, from, to, format));
   return notes;
 }
