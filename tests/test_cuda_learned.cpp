@@ -83,13 +83,13 @@ TEST_F(CudaLearned, leaves_the_results_of_later_runs_as_they_are) {
 // Refined on the host's cores, on a card, and on the host's because the card has too little memory.
 TEST_F(CudaLearned, of_a_cloud_in_tiles_equals_the_cpu) {
   const Points points = cut(noisy_sphere(60000, 25, 0.01)), expected = run(Device::cpu, points);
+  const auto card = [] { return make_cuda_backend(0); };
   const auto small_card = [] { return make_cuda_backend(0, {.memory = 1 << 20}); };
-  for (const MakeBackend& make_card :
-       {MakeBackend(), MakeBackend([] { return make_cuda_backend(0); }), MakeBackend(small_card)}) {
+  for (const MakeWorkers& refiners : {MakeWorkers{}, MakeWorkers{{card}}, MakeWorkers{{small_card}}}) {
     std::vector<std::unique_ptr<Backend>> workers;
     for (int i = 0; i < 2; ++i) workers.push_back(make_cuda_backend(0));
-    Pipeline tiles = PipelineAccess::make(make_tiled_backend(std::move(workers), {5}), {Device::cuda, "", ""},
-                                          MakeWorkers{{make_card}});
+    Pipeline tiles =
+        PipelineAccess::make(make_tiled_backend(std::move(workers), {5}), {Device::cuda, "", ""}, refiners);
     EXPECT_EQ(learned_clouds::differing(run(tiles, points, {}), expected), 0u);
   }
 }
