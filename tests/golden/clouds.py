@@ -170,6 +170,24 @@ def depth_image(width=48, height=36, seed=11):
     return points
 
 
+def matched_frame(width=120, height=96, tile=24, seed=24):
+    """The frame of a camera that matches images: twenty slanted tiles at 1 to 3 m, noise of disparities shared in windows."""
+    random, reach = Random(seed), 4
+    noise = [[random.bell() for _ in range(width + 2 * reach)] for _ in range(height + 2 * reach)]
+    weights = [1 + reach - abs(i - reach) for i in range(2 * reach + 1)]
+    across = [[sum(w * row[u + i] for i, w in enumerate(weights)) for u in range(width)] for row in noise]
+    points = []
+    for v in range(height):
+        for u in range(width):
+            shared = sum(w * across[v + i][u] for i, w in enumerate(weights)) / 85
+            x, y = (u + 0.5 - width / 2) / width, (v + 0.5 - height / 2) / width
+            number = v // tile * (width // tile) + u // tile
+            depth = (1 + 2 * (7 * number % 20) / 19) / (1 - 0.4 * x)
+            z = 9 / (9 / depth + 0.06 * shared + 0.012 * random.bell())
+            points.append([x * z, y * z, z])
+    return points
+
+
 def two_walls(width=60, height=50, sigma=0.001, seed=12):
     """The image of a camera at the origin; a pixel in each row lies between the walls."""
     random = Random(seed)
@@ -268,6 +286,7 @@ CLOUDS = {
     "sweep.pcd": lambda: organised(sweep(), 120),
     "profiles.ply": lambda: ply(profiles()),
     "depth_image.pcd": lambda: organised(depth_image(), 48),
+    "matched_frame.ply": lambda: ply(matched_frame()),
     "two_walls.ply": lambda: ply(two_walls()),
     "windows.ply": lambda: ply(windows()),
     "grid.ply": lambda: ply(grid()),
