@@ -5,11 +5,13 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <atomic>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 #include "seam/cloud_sample.hpp"
 #include "seam/stop.hpp"
@@ -46,14 +48,38 @@ void sort_by_cells(std::span<const Point> points, std::vector<Entry>& entries) {
   });
 }
 
-// All valid points, those at one place after each other.
-std::vector<Entry> by_place(std::span<const Point> points, const Point& corner) {
+std::uint64_t cell_of(const Point& p) { return cell_at(p.x, p.y, p.z); }
+
+// One entry for each of the points that are valid.
+std::vector<Entry> all_valid(std::span<const Point> points) {
   std::vector<Entry> entries;
+  entries.reserve(points.size());
   for (std::uint32_t i = 0; i < points.size(); ++i)
     if (is_indexed(points[i])) entries.push_back({0, 0, i});
+  return entries;
+}
+
+// Of these, those whose place may be another one's, too: all that are, and one of thirty others, which share a bit of
+// their hash with one. Sorting all takes five times as long.
+std::vector<Entry> not_alone(std::span<const Point> points, std::vector<Entry> entries) {
+  const std::size_t words = std::bit_ceil(entries.size() + 1);  // 32 to 64 bits for each
+  std::vector<std::atomic<std::uint32_t>> once(words), twice(words);
+  const auto word_of = [words](std::uint64_t cell) { return std::size_t(cell >> 5) & (words - 1); };
+  const auto bit_of = [](std::uint64_t cell) { return std::uint32_t(1) << (cell & 31); };
+  tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
+    const std::uint64_t cell = entries[e].cell = cell_of(points[entries[e].point]);
+    if (once[word_of(cell)].fetch_or(bit_of(cell), std::memory_order_relaxed) & bit_of(cell))
+      twice[word_of(cell)].fetch_or(bit_of(cell), std::memory_order_relaxed);
+  });
+  std::erase_if(entries, [&](const Entry& e) { return (twice[word_of(e.cell)] & bit_of(e.cell)) == 0; });
+  return entries;
+}
+
+// Those at one place after each other.
+std::vector<Entry> by_place(std::span<const Point> points, const Point& corner, std::vector<Entry> entries) {
   tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
     const Point& p = points[entries[e].point];
-    entries[e].cell = cell_at(p.x, p.y, p.z);
+    entries[e].cell = cell_of(p);
     entries[e].order = point::position_hash(to_vec3(p), to_vec3(corner));
   });
   sort_by_cells(points, entries);
@@ -171,7 +197,9 @@ std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& ru
                                const std::stop_token& stop) {
   std::vector<std::uint32_t> before(points.size());  // the point that each follows, or itself
   std::iota(before.begin(), before.end(), 0u);
-  std::vector<Entry> entries = by_place(points, rule.corner);
+  std::vector<Entry> entries = all_valid(points);
+  if (rule.within <= 0) entries = not_alone(points, std::move(entries));
+  entries = by_place(points, rule.corner, std::move(entries));
   keep_firsts(points, 0, entries, before);
   throw_if_stopped(stop);
   if (rule.within > 0) {
