@@ -279,10 +279,10 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const double growth = repeats == 1 ? residual_growth(residuals).flat : kEndless;
   const bool is_small = result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless && is_small;
-  const bool is_matched = (repeats == 1 && is_small && result.noise.depth_has_steps) ||
-                          (grows && errs_by_triangulation(residuals, nearest));
+  const bool is_triangulated = (repeats == 1 && is_small && result.noise.depth_has_steps) ||
+                               (grows && errs_by_triangulation(residuals, nearest));
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  if (is_matched || (may_be_far && is_correlated_far(from, for_noise, growth, stop))) {
+  if (is_triangulated || (may_be_far && is_correlated_far(from, for_noise, growth, stop))) {
     repeats = kMostRepeats;
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
