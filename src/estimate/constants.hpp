@@ -74,11 +74,12 @@ inline constexpr double kSheetShare = 0.25;     // of the samples; fewer that se
 inline constexpr double kThinShare = 0.5;       // of the samples may see two sheets; of other clouds less; sheets, 028
 inline constexpr double kBeyondEven = 0.01;     // of residuals beyond two deviations; fewer of even noise; sheets, 028
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
-inline constexpr double kShownBySix = 0.784;    // of the noise, by the deviation of six points from their plane; (25)
-inline constexpr double kHiddenFromSix = 0.53;  // spacings; of more noise six points show less; (25); 028
-inline constexpr double kMostOverSix = 1.25;    // of the noise that they show, by chance; (25); 028
-inline constexpr std::uint64_t kPointsOfGrowth = 2300;  // points of the cloud; of fewer, 115 are a part of it; 028
-inline constexpr double kDoubtfulNoise = 0.6;           // spacings; below it residuals may be shape; low
+inline constexpr std::array kGrowthOfShape{1.1, 1.24, 1.2};  // of residuals from 11 points to 30, 60, 115; (25); 028
+inline constexpr double kFlattest = 0.1;                     // of the samples; 028
+inline constexpr std::array kShownByFlattest{0.516, 0.681, 0.712};  // of the noise there, by chance
+inline constexpr double kHiddenFromFew = 0.53;     // spacings; of more noise few points show less; (25); 028
+inline constexpr double kMostOverFlattest = 1.15;  // of the noise that they show, by chance; (25); 028
+inline constexpr double kDoubtfulNoise = 0.6;      // spacings; below it residuals may be shape; low
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
 // How residuals grow from one neighbourhood to one of twice the points.
@@ -90,7 +91,7 @@ inline constexpr double kMostlyCorrelated = 0.9;             // correlation, 0 t
 inline constexpr double kMostFarNoise = 0.45;         // spacings, of these copies and of all points; more is shape; 075
 inline constexpr double kFarSlowing[] = {0.25, 1.6};  // the next growth over one; less is a relief of one wave; 075
 inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over that of all points; 075
-inline constexpr double kMostOfSecond = 0.83;  // residual over spacing, of every eighth point over every second; 075
+inline constexpr double kMostOfSecond = 0.8;  // residual over spacing, of every eighth point over every second; 075
 
 // Noise that grows with the square of the distance, as the steps between pixels show it.
 inline constexpr std::size_t kStepGroups = 8;            // of samples; 076

@@ -96,11 +96,11 @@ void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSam
   }
 }
 
-// Adds the levels of the noise and of the reach, if there are enough samples.
-void add_local(Estimate& result, LocalSamples& samples, const ForEach& for_each) {
+// Adds the levels of the noise, which is at most `most`, and of the reach, if there are enough samples.
+void add_local(Estimate& result, LocalSamples& samples, double most, const ForEach& for_each) {
   if (!(result.noise.sigma > 0) || samples.places.size() < kPool) return;
   if (samples.pools.empty()) samples.pools = pools_of(samples.places, for_each);
-  LocalNoise noise = local_noise(samples, result.noise.sigma, for_each);
+  LocalNoise noise = local_noise(samples, result.noise.sigma, most, for_each);
   // between two sheets, places show both
   if (result.noise.gap == 0) result.noise.sigma = noise.typical;
   std::vector<std::vector<double>> fields{std::move(noise.log_levels)};
@@ -185,6 +185,9 @@ std::vector<point::ResidualSample> add_noise_of(Estimate& result, const Samples&
   cover_rounding(steps, residuals);
   if (!depth_has_steps)
     add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));
+  const bool may_be_shape = repeats == 1 && !depth_has_steps;
+  const double most = may_be_shape ? most_noise(std::span(residuals).first(first), noise.surface_spacing) : kEndless;
+  noise.sigma = std::min(noise.sigma, most);
   LocalSamples local;
   for (std::size_t i = 0; i < noises; ++i) {
     if (!samples.noise[i].shows_noise) continue;
@@ -193,7 +196,7 @@ std::vector<point::ResidualSample> add_noise_of(Estimate& result, const Samples&
     local.residuals.push_back(residuals[i]);
   }
   local.pools = pools_of_shown(samples, for_each);
-  add_local(result, local, for_each);
+  add_local(result, local, most, for_each);
   // min_neighbors end with kMaxMinNeighbors
   result.reach_levels = times(std::move(result.reach_levels),
                               std::sqrt(std::max(1.0, double(kMinNeighbors) * repeats / kMaxMinNeighbors)));

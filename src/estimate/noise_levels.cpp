@@ -230,7 +230,7 @@ std::array<double, 3> quantiles_of(const std::vector<double>& log_levels) {
 
 }  // namespace
 
-LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each) {
+LocalNoise local_noise(const LocalSamples& samples, double typical, double most, const ForEach& for_each) {
   const std::vector<Shown> shown = shown_by(samples);
   const double log_cloud = portable::log(typical);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
@@ -238,7 +238,7 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEac
            [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), log_cloud); });
   for_each(noise.size(), [&](std::size_t i) {
     const double median = median_known(samples.near(i), noise);
-    log_levels[i] = std::isnan(median) ? 0 : portable::log(median / typical);
+    log_levels[i] = std::isnan(median) ? 0 : portable::log(std::min(median, most) / typical);
   });
   shrink(log_levels);
   const double log_typical = quantile(log_levels, 0.5);

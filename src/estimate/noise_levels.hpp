@@ -16,9 +16,9 @@ struct LocalNoise {
   std::vector<double> log_levels;  // logarithms of these over the typical noise
 };
 
-// `typical`: the noise of a typical place by Eq. 8, above 0. The result does not depend on the order of the samples,
-// except by rounding.
-LocalNoise local_noise(const LocalSamples& samples, double typical, const ForEach& for_each);
+// `typical`: the noise of a typical place by Eq. 8, above 0. `most`: by Eq. 25, for all places. The result does not
+// depend on the order of the samples, except by rounding.
+LocalNoise local_noise(const LocalSamples& samples, double typical, double most, const ForEach& for_each);
 
 // The field of levels whose logarithms at some places, at least one, are `log_levels`.
 std::shared_ptr<const NoiseLevels> noise_levels(const std::vector<Point>& places, std::vector<double> log_levels,

@@ -2,6 +2,7 @@
 #include "estimate/typical_noise.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numeric>
 #include <vector>
@@ -14,18 +15,6 @@ namespace pointfair {
 using namespace constants;
 
 namespace {
-
-// Of a typical place, by what the few nearest points lie off their planes: Eq. 25. Where most samples have no such
-// plane, as where points lie in rows, they do not tell.
-double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
-  std::vector<double> deviations;
-  for (const point::ResidualSample& sample : samples)
-    if (sample.planes.variance[0] >= 0) deviations.push_back(std::sqrt(sample.planes.variance[0]));
-  if (deviations.empty() || 2 * deviations.size() < samples.size()) return kEndless;
-  const double shown = quantile(deviations, kNoiseQuantile) / kShownBySix;
-  const double hidden = shown / (kHiddenFromSix * spacing);
-  return kMostOverSix * shown * (1 + hidden * hidden * hidden);
-}
 
 // The fewest nearest points that lie in a plane at most samples; 0 where none do.
 int points_of_planes(std::span<const point::ResidualSample> samples) {
@@ -58,7 +47,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   Noise noise{sigma, quantile(spacings, 0.5)};
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
-  if (!depth_has_steps && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
+  if (!depth_has_steps && gaps.size() > tubes && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
     noise.gap = quantile(gaps, kGapQuantile);
   noise.depth_has_steps = depth_has_steps;
   noise.is_shared = depth_has_steps;
@@ -78,11 +67,33 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
     thin.push_back(queries[i]);
     sigmas.push_back(sample.sigma);
   }
-  if (!(double(thin.size()) > kThinShare * double(shown)) || noise_of(samples.noise, false).gap > 0) return false;
+  const Noise noise = noise_of(samples.noise, false);
+  if (!(double(thin.size()) > kThinShare * double(shown)) || !(noise.sigma > 0) || noise.gap > 0) return false;
   std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
   std::erase_if(beyond, [](double share) { return share < 0; });
   const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);
   return total > kBeyondEven * double(beyond.size());
+}
+
+double most_noise(std::span<const point::ResidualSample> samples, double spacing) {
+  std::array<std::vector<double>, 3> few, growth;
+  for (const point::ResidualSample& sample : samples) {
+    const double of_six = sample.planes.variance[0], of_eleven = sample.planes.variance[1];
+    if (of_six >= 0) few[0].push_back(std::sqrt(of_six));
+    if (of_eleven >= 0) few[1].push_back(std::sqrt(of_eleven));
+    if (sample.least >= 0) few[2].push_back(sample.least);
+    if (of_eleven > 0 && sample.narrow >= 0) growth[0].push_back(sample.narrow / std::sqrt(of_eleven));
+    if (sample.narrow > 0 && sample.wide >= 0) growth[1].push_back(sample.wide / sample.narrow);
+    if (sample.wide > 0 && sample.widest >= 0) growth[2].push_back(sample.widest / sample.wide);
+  }
+  const auto of_most = [&](const std::vector<double>& values) { return 2 * values.size() > samples.size(); };
+  double shown = kEndless;
+  for (std::size_t size = 0; size < few.size(); ++size) {
+    if (!of_most(growth[size]) || median(growth[size]) < kGrowthOfShape[size]) return kEndless;
+    if (of_most(few[size])) shown = std::min(shown, quantile(few[size], kFlattest) / kShownByFlattest[size]);
+  }
+  const double hidden = shown / (kHiddenFromFew * spacing);
+  return hidden < 1 ? kMostOverFlattest * shown * (1 + hidden * hidden * hidden) : kEndless;
 }
 
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points) {
@@ -95,7 +106,6 @@ void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples,
     // between two sheets, wide neighbourhoods see the other one and not shape
     if (noise.gap == 0) noise.shape_to_noise = (1 - correlated) * shape_to_noise(samples);
   }
-  if (points < kPointsOfGrowth) noise.sigma = std::min(noise.sigma, most_noise(samples, noise.surface_spacing));
 }
 
 }  // namespace pointfair

@@ -24,4 +24,8 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
 // Adds what residuals of fewer points show, in a cloud of so many points.
 void add_residuals(Noise& noise, std::span<const point::ResidualSample> samples, std::uint64_t points);
 
+// The most that the noise may be where shape is at all places, as residuals that grow from few points to many show:
+// what few points show at the flattest places (Eq. 25). Endless for other clouds. `spacing`: of the surface.
+double most_noise(std::span<const point::ResidualSample> samples, double spacing);
+
 }  // namespace pointfair
