@@ -74,7 +74,7 @@ inline constexpr double kSheetShare = 0.25;     // of the samples; fewer that se
 inline constexpr double kThinShare = 0.5;       // of the samples may see two sheets; of other clouds less; sheets, 028
 inline constexpr double kBeyondEven = 0.01;     // of residuals beyond two deviations; fewer of even noise; sheets, 028
 inline constexpr double kGapQuantile = 0.25;    // of the gaps between sheets; sheets
-inline constexpr std::array kGrowthOfShape{1.1, 1.24, 1.2};  // of residuals from 11 points to 30, 60, 115; (25); 028
+inline constexpr std::array kGrowthOfShape{1.0, 1.24, 1.2};  // of residuals from 11 points to 30, 60, 115; (25); 028
 inline constexpr double kFlattest = 0.1;                     // of the samples; 028
 inline constexpr std::array kShownByFlattest{0.516, 0.681, 0.712};  // of the noise there, by chance
 inline constexpr double kHiddenFromFew = 0.53;     // spacings; of more noise few points show less; (25); 028

@@ -177,11 +177,11 @@ std::vector<point::ResidualSample> add_noise_of(Estimate& result, const Samples&
   const bool depth_has_steps = steps.kind == CoordinateSteps::Kind::depth;
   const std::size_t noises = samples.noise.size(), first = std::min(noises, kNoiseSamples);
   Noise& noise = result.noise;
-  noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
+  std::vector<point::ResidualSample> residuals = samples.residuals();  // of all places
+  if (!are_tubes(samples.noise, residuals)) noise = noise_of(std::span(samples.noise).first(first), depth_has_steps);
   noise.repeats = repeats;
   noise.without_surface = noise.surface_spacing > 0 ? 0 : 1;
   if (noise.without_surface > 0) return {};
-  std::vector<point::ResidualSample> residuals = samples.residuals();  // of all places
   cover_rounding(steps, residuals);
   if (!depth_has_steps)
     add_residuals(noise, std::span(residuals).first(first), sample.bounds.valid / std::uint64_t(repeats));

@@ -40,7 +40,7 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
     if (!sample.is_wide) ++confined;
     if (sample.gap > 0) gaps.push_back(sample.gap);
   }
-  if (sigmas.empty() || tubes > sigmas.size()) return {};  // of tubes of few points no surface shows
+  if (sigmas.empty()) return {};
   // Residuals of noise alone spread little. Where curvature adds to some of them, the least ones are nearer to the
   // noise.
   const double sigma = std::min(quantile(sigmas, kNoiseQuantile), kMostOverLeast * quantile(sigmas, kLeastQuantile));
@@ -52,6 +52,12 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   noise.depth_has_steps = depth_has_steps;
   noise.is_shared = depth_has_steps;
   return noise;
+}
+
+bool are_tubes(std::span<const point::NoiseSample> samples, std::span<const point::ResidualSample> residuals) {
+  const auto tubes = std::ranges::count_if(samples, &point::NoiseSample::is_tube);
+  const auto surfaces = std::ranges::count_if(residuals, [](const auto& sample) { return sample.narrow >= 0; });
+  return 2 * tubes > (surfaces > 0 ? surfaces : std::ptrdiff_t(samples.size()));
 }
 
 bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::uint32_t> queries,
@@ -67,8 +73,9 @@ bool may_be_thin(Sampling& from, const Samples& samples, std::span<const std::ui
     thin.push_back(queries[i]);
     sigmas.push_back(sample.sigma);
   }
-  const Noise noise = noise_of(samples.noise, false);
-  if (!(double(thin.size()) > kThinShare * double(shown)) || !(noise.sigma > 0) || noise.gap > 0) return false;
+  if (!(double(thin.size()) > kThinShare * double(shown)) || are_tubes(samples.noise, samples.residuals()))
+    return false;
+  if (noise_of(samples.noise, false).gap > 0) return false;
   std::vector<double> beyond = from.beyond_two(thin, sigmas, stop);
   std::erase_if(beyond, [](double share) { return share < 0; });
   const double total = std::accumulate(beyond.begin(), beyond.end(), 0.0);

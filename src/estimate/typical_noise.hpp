@@ -15,6 +15,10 @@ namespace pointfair {
 // Of the neighbourhoods that are wide against the noise.
 Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps);
 
+// Whether most samples that see a surface nearby are on tubes of few points, of which no surface shows. Along a thin
+// line none does, and what wide neighbourhoods see there is several tubes.
+bool are_tubes(std::span<const point::NoiseSample> samples, std::span<const point::ResidualSample> residuals);
+
 // Whether most samples may see two sheets of thin parts, which are too near to each other to be told from one sheet at
 // each of them. Noise that is even between two bounds looks so, too, but ends there. In a small cloud other parts are
 // as near.

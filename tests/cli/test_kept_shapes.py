@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Clouds that are not like the usual scan keep their shape, and what is noise in them goes."""
+import itertools
 import math
 import random
 import unittest
@@ -14,10 +15,23 @@ def rms(values):
     return math.sqrt(sum(value * value for value in values) / len(values))
 
 
+def unit(v):
+    length = math.hypot(*v)
+    return [x / length for x in v]
+
+
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def dot(point, middle, axis):
+    return sum((p - m) * a for p, m, a in zip(point, middle, axis))
+
+
 class KeptShapes(Case):
     def denoised(self, points, *flags):
         write_binary(self.path("in.ply"), points, "double")
-        self.ok("run", self.path("in.ply"), self.path("out.ply"), "-q", *flags)
+        self.ok("run", self.path("in.ply"), self.path("out.ply"), "-q", "--force", *flags)
         return positions(self.path("out.ply"))
 
     def test_tubes_as_thick_as_their_points_are_apart_are_no_noise(self):
@@ -28,6 +42,49 @@ class KeptShapes(Case):
             points.append((10 * rng.randrange(8) + radius * math.cos(turn), radius * math.sin(turn), rng.uniform(0, 400)))
         off = lambda p: math.hypot(p[0] - 10 * round(p[0] / 10), p[1]) - 1
         self.assertLess(rms(map(off, self.denoised(points))), 1.02 * rms(map(off, points)))
+
+    def test_tubes_whose_nearest_points_lie_in_lines_or_sheets_are_no_noise(self):
+        rng, count = random.Random(2), 20000
+        for spacing in (1, 1.39):  # radii of the tubes: three or four points around
+            long = count * spacing ** 2 / (2 * math.pi * 50)
+            room = max(long, 60)
+            tubes = [([rng.uniform(-room / 2, room / 2) for _ in range(3)], *self.axes(rng)) for _ in range(50)]
+            places = [rng.choice(tubes) for _ in range(count)]
+            points = []
+            for middle, along, side, up in places:
+                at, turn, radius = rng.uniform(-long / 2, long / 2), rng.uniform(0, 2 * math.pi), 1 + rng.gauss(0, .03)
+                points.append(tuple(m + at * d + radius * (math.cos(turn) * u + math.sin(turn) * v)
+                                    for m, d, u, v in zip(middle, along, side, up)))
+
+            def off(rows):
+                return rms(math.hypot(dot(row, middle, side), dot(row, middle, up)) - 1
+                           for row, (middle, _, side, up) in zip(rows, places))
+
+            self.assertLess(off(self.denoised(points)), 1.02 * off(points), spacing)
+
+    def test_cubes_a_few_spacings_wide_keep_their_edges(self):
+        rng, width = random.Random(1), 3.5
+        frames = [([2.5 * width * k for k in place], *self.axes(rng)) for place in itertools.product(range(5), repeat=3)]
+        places = [frame for frame in frames for _ in range(int(6 * width * width))]
+        points = []
+        for middle, *axes in places:
+            inside = [rng.uniform(-width / 2, width / 2) for _ in range(3)]
+            inside[rng.randrange(3)] = rng.choice((-width / 2, width / 2))
+            inside = [at + rng.gauss(0, .05) for at in inside]
+            points.append(tuple(m + sum(at * axis[k] for at, axis in zip(inside, axes)) for k, m in enumerate(middle)))
+
+        def off(rows):
+            beyond = [[abs(dot(row, middle, axis)) - width / 2 for axis in axes] for row, (middle, *axes) in zip(rows, places)]
+            return rms(math.hypot(*(max(b, 0) for b in its)) or max(its) for its in beyond)
+
+        self.assertLess(off(self.denoised(points)), 1.15 * off(points))
+
+    @staticmethod
+    def axes(rng):
+        """Three unit vectors at right angles."""
+        along = unit([rng.gauss(0, 1) for _ in range(3)])
+        across = unit(cross(along, [rng.gauss(0, 1) for _ in range(3)]))
+        return along, across, cross(along, across)
 
     def test_noise_of_a_part_goes_beside_what_has_hardly_any(self):
         rng = random.Random(2)

@@ -90,6 +90,30 @@ def cube(n=1500, sigma=0.01, seed=3):
     return noisy(points, normals, sigma, random)
 
 
+def cross(a, b):
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+
+
+def cubes(side=4, width=3.5, sigma=0.05, seed=26):
+    """So many cubes along each axis, each turned its own way: a few spacings wide, so that shape is everywhere."""
+    random = Random(seed)
+    points = []
+    for k in range(side ** 3):
+        along = random.direction()
+        across = cross(along, random.direction())
+        length = math.sqrt(across[0] * across[0] + across[1] * across[1] + across[2] * across[2])
+        across = [c / length for c in across]
+        axes = [along, across, cross(along, across)]
+        middle = [2.5 * width * at for at in (k % side, k // side % side, k // (side * side))]
+        for i in range(int(6 * width * width)):
+            inside = [random(-width / 2, width / 2) for _ in range(3)]
+            inside[i % 3] = width / 2 if i % 2 else -width / 2
+            inside = [at + sigma * random.bell() for at in inside]
+            points.append([middle[a] + (inside[0] * axes[0][a] + inside[1] * axes[1][a] + inside[2] * axes[2][a])
+                           for a in range(3)])
+    return points
+
+
 def torus(n=1500, sigma=0.01, seed=4):
     random = Random(seed)
     points, normals = [], []
@@ -277,6 +301,7 @@ CLOUDS = {
     "roof.ply": lambda: ply(roof()),
     "stairs.ply": lambda: ply(stairs(n=3000)),
     "cube.ply": lambda: ply(cube()),
+    "cubes.ply": lambda: ply(cubes()),
     "torus.ply": lambda: ply(torus()),
     "plate.ply": lambda: ply(plate()),
     "outliers.ply": lambda: ply(with_outliers(sphere())),
