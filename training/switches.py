@@ -37,7 +37,7 @@ SWITCHES = {
     "quiet places": {"kQuietNoise": OFF}, "growth of volumes": {"kGrowthOfVolume": OFF}, "further points agree": {"kFurtherShare": OFF},
     "planes meet": {"kSameSurface": NEVER}, "regular grids": {"kRegularShare": NEVER}, "gaps of depth widen": {"kWideningOfGaps": OFF},
     "wider for depths": {"kDepthWidening": 1}, "bound by the flattest": {"kHiddenFromFew": 0}, "far correlation": {"kMostFarNoise": OFF},
-    "share of the spacing": {"kMostOfSecond": NEVER}, "growth goes on": {"kFarSlowing0": -NEVER},
+    "dense noise": {"kDenseNoise": NEVER}, "share of the spacing": {"kMostOfSecond": NEVER}, "growth goes on": {"kFarSlowing0": -NEVER},
     "growth slows": {"kFarSlowing1": NEVER}, "growth by scale": {"kMoreGrowth": NEVER}, "triangulation": {"kLeastStepRange": NEVER},
     "two sheets": {"kSheetShare": NEVER}, "similarity of sheets": {"kSheetSimilarity": NEVER}, "least quantile": {"kMostOverLeast": NEVER},
     "room": {"kRoominess": 1}, "confinement": {"kConfinement": 1}, "flat scale": {"kFlatPercent0": 100, "kFlatPercent1": 100},

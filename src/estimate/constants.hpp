@@ -82,6 +82,11 @@ inline constexpr double kMostOverFlattest = 1.15;  // of the noise that they sho
 inline constexpr double kDoubtfulNoise = 0.6;      // spacings; below it residuals may be shape; low
 inline constexpr double kNearFlat = 2;  // flattest residuals; larger ones are beyond the similarity sigma; low
 
+// Noise that is large against the spacing, by every fourth or sixteenth point.
+inline constexpr double kDenseNoise = 0.9;        // spacings; 082
+inline constexpr double kConfinedThinned = 0.15;  // of the samples; of more, the noise is shape; 082
+inline constexpr double kGrowthThinned = 1.1;     // ratio of median residuals, from 30 points to 60; 082
+
 // How residuals grow from one neighbourhood to one of twice the points.
 inline constexpr double kOwnGrowth = 1.05;                   // ratio of median residuals of noise alone; 082
 inline constexpr double kShapeVarianceGrowth = 4;            // ratio of variances of shape: a quadric's; 082

@@ -211,11 +211,22 @@ struct Seen {
   HiddenSurface hidden;
 };
 
+// Whether the noise is so large against the spacing that neighbourhoods of few points cut it off.
+bool is_dense(const Noise& noise) { return noise.sigma > kDenseNoise * noise.surface_spacing; }
+
+// Whether thinned samples saw the noise and no shape that is as large.
+bool shows_noise_alone(const Seen& seen) {
+  const Noise& noise = seen.estimate.noise;
+  return noise.sigma > 0 && noise.gap == 0 && noise.confined < kConfinedThinned &&
+         residual_growth(seen.residuals).typical < kGrowthThinned;
+}
+
 }  // namespace
 
 Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wanted, const std::stop_token& stop) {
   const std::span<const std::uint32_t> queries = sample.indices;
   const std::span<const std::uint32_t> for_noise = queries.first(wanted.noise ? noise_queries(sample) : 0);
+  const std::span<const std::uint32_t> first_samples = for_noise.first(std::min(for_noise.size(), kNoiseSamples));
   Samples samples = from.take_samples(wanted.spacing ? queries : queries.first(0), for_noise, stop);
   if (!wanted.noise) return {spacing_of(samples.spacing), {}};
   if (wanted.nearest > 0 && !for_noise.empty()) from.foresee_nearest(wanted.nearest);
@@ -290,6 +301,18 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});
+  }
+  if (repeats == 1 && result.noise.gap == 0 && !result.noise.depth_has_steps) {
+    Seen best = seen;
+    for (int stride = 4; stride <= kMostRepeats && is_dense(result.noise); stride *= 4) {
+      samples = from.take_samples_by({.stride = stride}, {}, first_samples, stop);
+      cover_rounding(steps, samples.noise);
+      look(steps, 1, {});
+      if (!shows_noise_alone(seen)) continue;
+      best = seen;
+      best.estimate.noise.surface_spacing /= std::sqrt(stride);
+    }
+    seen = std::move(best);
   }
   result.spacing = spacing;
   Noise& noise = result.noise;

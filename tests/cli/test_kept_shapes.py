@@ -95,6 +95,13 @@ class KeptShapes(Case):
             its = [i for i, (x, _) in enumerate(places) if (x > 100) == loud]
             self.assertLess(rms(out[i][2] for i in its), most * rms(points[i][2] for i in its))
 
+    def test_noise_of_several_spacings_goes_from_a_plane(self):
+        rng, points = random.Random(5), []
+        for _ in range(20000):  # a disc, a point for each square of side 1
+            out, turn = 80 * math.sqrt(rng.random()), rng.uniform(0, 2 * math.pi)
+            points.append((out * math.cos(turn), out * math.sin(turn), rng.gauss(0, 2)))
+        self.assertLess(rms(z for _, _, z in self.denoised(points)), .09 * 2)
+
     def test_sparse_ground_beside_a_dense_patch_is_ground(self):
         rng = random.Random(3)
         patch = [(rng.uniform(0, 110), rng.uniform(0, 110), 1) for _ in range(12000)]
