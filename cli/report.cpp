@@ -97,12 +97,18 @@ Json outliers_json(const OutlierCounts& outliers) {
       {"isolated", outliers.isolated}, {"off_surface", outliers.off_surface}, {"mixed_pixels", outliers.mixed_pixels}};
 }
 
-std::string coarse_steps(double step, double noise) {
+std::string length_text(double value, std::optional<double> metres_per_unit) {
+  if (!metres_per_unit) return fmt::format("{:.4g}", value);
+  const double metres = value * *metres_per_unit;
+  return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
+}
+
+std::string coarse_steps(double step, double noise, std::optional<double> metres_per_unit) {
   if (!(noise > 0) || !(step > noise)) return {};
   return fmt::format(
-      "the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; for LAS and LAZ, "
+      "the steps of {} between stored coordinates are coarse against the noise of {}; for LAS and LAZ, "
       "--las-scale makes them finer",
-      step, noise);
+      length_text(step, metres_per_unit), length_text(noise, metres_per_unit));
 }
 
 Json rounding_json(double step) { return {{"step", step}, {"rms", kRoundingRms * step}}; }

@@ -32,11 +32,7 @@ constexpr std::size_t kQuantiled = 200'000;
 class Lengths {
  public:
   explicit Lengths(const FileInfo& info) : metres_(info.metres_per_unit) {}
-  std::string operator()(double value) const {
-    if (!metres_) return fmt::format("{:.4g} units", value);
-    const double metres = value * *metres_;
-    return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
-  }
+  std::string operator()(double value) const { return length_text(value, metres_) + (metres_ ? "" : " units"); }
   std::string unit() const {
     if (!metres_) return "not said by the file; lengths are in its unit";
     return fmt::format("{:.10g} m, as the file says", *metres_);
@@ -126,7 +122,7 @@ class PageMaker {
   std::vector<std::string> notes_on_pair() const {
     const Statistics& moved = copy_.displacement;
     return notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
-                        stored_float_step(before_, estimates_));
+                        stored_float_step(before_, estimates_), file_info(before_).metres_per_unit);
   }
 
   std::string warnings() const {

@@ -88,21 +88,14 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
 }
 
 // Where a run was done in zones.
-std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates) {
+std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates,
+                       std::optional<double> metres_per_unit) {
   if (report.stages.empty() || report.stages[0].name != "zones") return {};
   return fmt::format(
       "the cloud is too wide and dense for floats around one origin, so it is computed in zones where floats step by "
-      "{:.4g}{}",
-      estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
-}
-
-std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud, double noise,
-                               const Findings& findings) {
-  std::vector<std::string> result = losses(cloud, options.format, options.encoding);
-  if (keeps_normals && findings.displacement.max > 0)
-    for (std::string& note : notes_on_kept_normals(cloud, options.format)) result.push_back(std::move(note));
-  if (const std::string coarse = coarse_steps(findings.step, noise); !coarse.empty()) result.push_back(coarse);
-  return result;
+      "{}{}",
+      length_text(estimates.float_step, metres_per_unit),
+      file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
 }
 
 }  // namespace
@@ -131,14 +124,24 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
-  findings.notes = notes(keeps_normals, options, after, noise, findings);
-  if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
-    findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;
-  const std::vector<std::string> doubtful =
-      notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max},
-                   stored_float_step(before, estimates));
-  findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
+  const std::vector<std::string> lost = losses(after, options.format, options.encoding);
+  const auto notes = [&](std::optional<double> metres_per_unit) {
+    std::vector<std::string> result;
+    const auto add = [&](const std::vector<std::string>& more) {
+      result.insert(result.end(), more.begin(), more.end());
+    };
+    add(lost);
+    if (keeps_normals && moved.max > 0) add(notes_on_kept_normals(after, options.format));
+    add({coarse_steps(findings.step, noise, metres_per_unit),
+         zones_note(before, pipeline.report(), estimates, metres_per_unit)});
+    add(notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max},
+                     stored_float_step(before, estimates), metres_per_unit));
+    std::erase(result, "");
+    return result;
+  };
+  findings.notes = notes({});
+  if (const auto metres = file_info(before).metres_per_unit) findings.page_notes = notes(metres);
 }
 
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {

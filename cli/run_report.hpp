@@ -30,6 +30,7 @@ struct Findings {
   OutlierCounts removed;      // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
+  std::vector<std::string> page_notes;  // the first of them, where a page says lengths in mm or m
 };
 
 // Counts the points that the limits alone hold, and those that were left out of the run. `outliers`: of the run, if
