@@ -44,13 +44,6 @@ Json solver_json(const SolverReport& solver) {
   return {{"iterations", solver.iterations}, {"residual", solver.residual}};
 }
 
-std::vector<std::string> notes_told(const Report& report, const Findings& findings) {
-  std::vector<std::string> notes = findings.notes;
-  const std::string none = findings.is_copied ? "" : nothing_selected(point_counts(report, findings));
-  if (!none.empty()) notes.insert(notes.begin(), none);
-  return notes;
-}
-
 // "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; folded faces: 12 before, 4 after"
 std::string mesh_told(const MeshReport& mesh) {
   if (mesh.faces == 0) return {};
@@ -127,7 +120,7 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   const Statistics& moved = findings.displacement;
   const std::vector<std::string> lost = losses(after, options.format, options.encoding);
   const auto notes = [&](std::optional<double> metres_per_unit) {
-    std::vector<std::string> result;
+    std::vector<std::string> result{nothing_selected(point_counts(pipeline.report(), findings))};
     const auto add = [&](const std::vector<std::string>& more) {
       result.insert(result.end(), more.begin(), more.end());
     };
@@ -174,7 +167,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"tiles", report.tiles},
           {"total_ms", report.total_milliseconds},
           {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}},
-          {"notes", notes_told(report, findings)}};
+          {"notes", findings.notes}};
 }
 
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
@@ -197,7 +190,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
   print_message("{}", mesh_told(report.mesh));
   if (const SolverReport& solver = report.solver; solver.iterations > 0)
     print_message("equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations, solver.residual);
-  for (const std::string& note : notes_told(report, findings)) print_message("note: {}\n", note);
+  for (const std::string& note : findings.notes) print_message("note: {}\n", note);
 }
 
 }  // namespace pointfair::cli

@@ -96,6 +96,9 @@ class Pages(Case):
         report = self.report("run", self.scan, self.out, "--force", "--box", "0,-9,-9,9,9,9")["unmoved"]
         self.assertEqual(held, report["held"])
         self.assertGreater(held, 1500)
+        said = self.ok("run", self.scan, self.out, "--force", "--report", self.html, "--box", "7,7,7,9,9,9").stderr.decode()
+        for text in (said, Page(self.html).text):
+            self.assertEqual(text.count("the limits, such as --where and --box, leave no point to denoise"), 1)
 
     def test_a_run_writes_the_page_of_its_result(self):
         self.ok("run", self.scan, self.out, "--report", self.html)
