@@ -20,7 +20,7 @@ Statistics displacement(const Cloud& before, const Cloud& after) {
 }
 
 PointCounts point_counts(const Report& report, const Findings& findings) {
-  PointCounts counts{report.points, report.unmoved, findings.removed, findings.ignored, findings.held};
+  PointCounts counts{report.points, report.unmoved, report.pulled, findings.removed, findings.ignored, findings.held};
   // Ignored points go into a run as points that are not finite.
   counts.unmoved.non_finite -= std::min(counts.unmoved.non_finite, findings.ignored);
   return counts;
@@ -155,8 +155,9 @@ Json run_json(const Report& report, const Findings& findings) {
           {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(point_counts(report, findings))},
-          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"outliers", outliers_json(point_counts(report, findings))},
           {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
+          {"pulled", report.pulled.total()},
           {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"copies", report.copies},

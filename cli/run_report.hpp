@@ -43,6 +43,9 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
 // Of a run at strength 0, whose points are written as they were.
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings);
 
+// Whatever became of them.
+inline std::uint64_t found_outliers(const Report& report) { return report.unmoved.outliers + report.pulled.total(); }
+
 Json run_json(const Report& report, const Findings& findings);
 void print_summary(const Report& report, const Findings& findings, bool with_details);
 

@@ -70,6 +70,7 @@ struct TiledReport {
   Params asked;   ///< as planned: what is automatic is, and lengths are in file units or relative
   Params params;  ///< as used
   UnmovedCounts unmoved;
+  OutlierCounts pulled;       ///< as in Report
   std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
   std::uint64_t held = 0;     ///< others that the limits did not let move, and that are no outliers
   std::uint64_t short_neighborhoods = 0;

@@ -150,7 +150,7 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
                   "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
 }
 
-// Points that kept their place because of where the sensor seems to have stood.
+// Points that are outliers because of where the sensor seems to have stood.
 void add_found_sensor(const std::optional<Position>& place, std::uint64_t mixed_pixels, double diagonal,
                       std::vector<std::string>& notes) {
   if (!place || mixed_pixels == 0 || !(diagonal > 0)) return;
@@ -196,6 +196,11 @@ std::vector<std::string> notes_on(const Look& look) {
 // Points that kept their place for want of a surface. `share`: of the finite points, where the cloud shows none.
 std::uint64_t count_without_surface(const UnmovedCounts& unmoved, double share, std::uint64_t finite) {
   return unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + std::uint64_t(share * double(finite));
+}
+
+template <class AnyReport>
+std::uint64_t mixed_pixels_of(const AnyReport& report) {
+  return report.unmoved.outliers_by_reason.mixed_pixels + report.pulled.mixed_pixels;
 }
 
 bool is_noise_given(const Params& asked, const Params& used) {
@@ -281,7 +286,7 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .is_of_lines = tells_of_lines(asked, estimates.is_of_lines),
                 .copies = report.copies,
                 .metres_per_unit = metres_per_unit});
-  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);
+  add_found_sensor(report.found_sensor, mixed_pixels_of(report), estimates.diagonal, notes);
   return notes;
 }
 
@@ -312,7 +317,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .is_of_lines = tells_of_lines(report.asked, report.is_of_lines),
                 .copies = report.copies});
   add_mixed_systems(report.systems, notes);
-  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, report.diagonal, notes);
+  add_found_sensor(report.found_sensor, mixed_pixels_of(report), report.diagonal, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;
 }

@@ -234,6 +234,7 @@ TiledReport TiledRun::report() const {
     report.ignored = measured.ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
+    report.pulled = counts.pulled;
     report.short_neighborhoods = counts.short_neighborhoods;
     report.copies = counts.copies;
     add_written(folder.files_of(steps.back()), report);

@@ -294,6 +294,14 @@ class Pages(Case):
         self.ok("certify", tile, self.path("out.las"), "--force", "-q")
         self.assertEqual(re.search(large + " m: its points", Page(self.path("out.html")).text)[1], in_metres)
 
+    def test_outliers_that_are_pulled_in_are_counted(self):
+        self.ok("run", self.scan, self.out, "--report", self.html, "--outliers", "move")
+        report = self.report("run", self.scan, self.out, "--force", "--outliers", "move")
+        self.assertGreater(report["outliers"]["off_surface"] + report["outliers"]["isolated"], 0)
+        table = Page(self.html).source.split("pulled in as outliers")[1]
+        for reason, start in (("isolated", "isolated: too few"), ("off_surface", "off the surface of")):
+            self.assertRegex(table, start + r"[^<]*<[^0-9]*%d " % report["outliers"][reason])
+
     def test_json_is_not_called_a_table(self):
         for words in (("run", self.scan, self.out), ("info", self.scan), ("run", self.scan, self.out, "--tiles", 2)):
             self.fails(2, *words, "--report", self.path("r.csv"), says=["r.csv", ".json", "--each"])
