@@ -187,7 +187,7 @@ std::string why_not_streamed(const Plan& chosen, const Source& source, const std
   if (chosen.format == source.format() && !chosen.edits.added.empty())
     return begin + "takes no further attributes in " + row_of(chosen.format).name +
            " files, so outliers cannot be marked; use --outliers keep";
-  return begin + "is written in the format of its file; name the output so, and convert it afterwards";
+  return begin + "is written as " + row_of(source.format()).name + "; name the output so, and convert it afterwards";
 }
 
 }  // namespace

@@ -374,7 +374,7 @@ class Refusals(Case):
         self.fails(2, "run", mesh, self.path("out.off"), "--tiles", 3, "--outliers", "mark", says="cannot be marked")
         self.fails(2, "run", source, out, "--tiles", 3, "--normals", "write", says="--normals write")
         self.fails(2, "run", source, out, "--tiles", 3, "--write-noise", says="--write-noise")
-        self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="format")
+        self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="is written as PLY")
         self.fails(2, "run", source, "-", "--tiles", 3, says="standard output")
         self.fails(2, "run", source, out, "--memory", "much", says="--memory")
         self.fails(2, "run", source, out, "--memory", "1M", says="64M")
