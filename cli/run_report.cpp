@@ -73,7 +73,9 @@ Json noise_json(const Report& report, const Findings& findings) {
 // Between the coordinates of the file written, where these are integers.
 double written_step(const Cloud& cloud, const WriteOptions& options) {
   if (options.las_scale) return *options.las_scale;
-  const auto is_las = [](Format format) { return format == Format::las || format == Format::laz; };
+  const auto is_las = [](Format format) {
+    return format == Format::las || format == Format::laz || format == Format::copc;
+  };
   const FileInfo info = file_info(cloud);
   const bool keeps = info.format && (!options.format || options.format == info.format ||
                                      (is_las(*options.format) && is_las(*info.format)));

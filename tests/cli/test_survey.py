@@ -159,8 +159,9 @@ class Survey(Case):
         self.assertIn("--las-scale", result.stderr.decode())
         self.ok("run", coarse, self.path("fine.las"), "--las-scale", "0.001")
         self.assertEqual(self.report("info", self.path("fine.las"))["file"]["step"], 0.001)
-        report = self.report("run", self.las, self.path("r.las"))
-        self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
+        for name in ("r.las", "r.laz", "r.copc.laz"):
+            report = self.report("run", self.las, self.path(name))
+            self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
         self.assertNotIn("--las-scale", self.ok("run", self.las, self.path("quiet.las")).stderr.decode())
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="divided by a whole number")
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="divided by a whole number")
