@@ -160,7 +160,7 @@ class Reports(Case):
         for name, head in (("in.ply", "comment TextureFile t.png\n"), ("in.obj", "mtllib m.mtl")):
             source = self.write_mesh(self.path(name), head)
             told = self.notes_of_both(source, self.path("out") / name)
-            self.assertIn("361 faces of the file are kept and not followed", told)
+            self.assertIn("361 faces of the file are not followed", told)
             self.assertIn("beside the input only lies what the result names: " + head.split()[-1], told)
             self.assertNotIn("not followed", self.notes_of_both(source, self.path("out") / name, "--connectivity", "points"))
             copied = self.ok("run", source, self.path("out") / name, "--force", "--strength", 0).stderr.decode()
