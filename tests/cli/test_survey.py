@@ -49,6 +49,14 @@ class Survey(Case):
             self.ok("run", las, self.path("out.las"), "--force", "--strength", "0", *words)
             self.assertEqual(self.path("out.las").read_bytes(), las.read_bytes())
 
+    def test_clouds_in_feet_are_no_e57_files(self):
+        feet = write_las(self.path("feet.las"), ground(900), [2] * 900, crs=FEET)
+        degrees = write_las(self.path("degrees.las"), ground(900), [2] * 900, crs=DEGREES)
+        for source, unit, words in ((feet, "0.3048 m", []), (degrees, "a degree", ["--strength", 0])):
+            self.fails(2, "run", source, self.path("o.e57"), *words, says=["E57 files are in metres", unit])
+            self.assertFalse(self.path("o.e57").exists())
+        self.assertTrue(self.is_built_in("run", self.las, self.path("o.e57"), "-q"))
+
     def test_info_shows_bounds_with_the_digits_of_the_file(self):
         text = self.ok("info", self.las).stdout.decode()
         for axis, offset in enumerate((500000, 5400000, 100)):
