@@ -57,6 +57,12 @@ class Survey(Case):
             self.assertFalse(self.path("o.e57").exists())
         self.assertTrue(self.is_built_in("run", self.las, self.path("o.e57"), "-q"))
 
+    def test_distances_between_feet_and_metres_are_refused(self):
+        feet = write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)
+        for words in (("compare", self.las, feet), ("certify", self.las, feet, "--report", self.path("r.html"))):
+            self.fails(2, *words, says=["tile.las", "feet.las", "the unit of one is 1 m and that of the other 0.3048 m"])
+        self.assertFalse(self.path("r.html").exists())
+
     def test_info_shows_bounds_with_the_digits_of_the_file(self):
         text = self.ok("info", self.las).stdout.decode()
         for axis, offset in enumerate((500000, 5400000, 100)):
