@@ -57,6 +57,15 @@ class Survey(Case):
             self.assertFalse(self.path("o.e57").exists())
         self.assertTrue(self.is_built_in("run", self.las, self.path("o.e57"), "-q"))
 
+    def test_a_table_of_files_has_their_units(self):
+        write_las(self.path("feet.las"), ground(900), [2] * 900, crs=FEET)
+        write_las(self.path("none.las"), ground(900), [2] * 900, crs=b"")
+        write_las(self.path("degrees.las"), ground(900), [2] * 900, crs=DEGREES)
+        rows = self.ok("info", self.folder).stdout.decode().splitlines()
+        units = {row.rsplit("/", 1)[-1]: row[46:56].strip() for row in rows[1:]}
+        self.assertEqual(rows[0][46:56].strip(), "unit")
+        self.assertEqual(units, {"degrees.las": "degrees", "feet.las": "0.3048 m", "none.las": "unknown", "tile.las": "1 m"})
+
     def test_distances_between_feet_and_metres_are_refused(self):
         feet = write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)
         for words in (("compare", self.las, feet), ("certify", self.las, feet, "--report", self.path("r.html"))):
