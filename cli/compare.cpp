@@ -7,6 +7,7 @@
 #include <memory>
 
 #include "arguments.hpp"
+#include "comparison.hpp"
 #include "distances.hpp"
 #include "output.hpp"
 #include "pointfair/pointfair.hpp"
@@ -101,6 +102,7 @@ void compare(const CompareArguments& arguments) {
   // what is said of A holds for B where both are files of one kind
   ReadOptions plain{.threads = arguments.threads};
   const Cloud reference = read(arguments.reference, are_alike(arguments.cloud, arguments.reference) ? options : plain);
+  check_same_unit(cloud, reference, arguments.cloud + ", " + arguments.reference);
   const Distances comparison = compare_clouds(cloud, reference,
                                               {arguments.as == "cloud",
                                                arguments.edges,

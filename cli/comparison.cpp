@@ -96,6 +96,16 @@ void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) 
 
 }  // namespace
 
+void check_same_unit(const Cloud& a, const Cloud& b, const std::string& names) {
+  constexpr double kSame = 1e-3;  // of the unit; feet are of several kinds
+  const std::optional<double> its = file_info(a).metres_per_unit, other = file_info(b).metres_per_unit;
+  if (its && other && std::abs(*its - *other) > kSame * *other)
+    throw Error(ErrorKind::usage,
+                fmt::format("{}: the unit of one is {:.4g} m and that of the other {:.4g} m, so distances between them "
+                            "mean nothing; convert one of them",
+                            names, *its, *other));
+}
+
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {
   if (before.points.size() != after.points.size())
     throw Error(ErrorKind::file, fmt::format("{}: one has {} points and the other {}, so that no point of one can be "
@@ -108,6 +118,7 @@ Comparison compare_copies(const Cloud& before, const Cloud& after, const std::st
     throw Error(ErrorKind::file, names +
                                      ": COPC files have their points in the order of an octree, so that no point of "
                                      "one can be found in the other; write LAZ, and make the COPC file of that");
+  check_same_unit(before, after, names);
   Comparison result;
   measure_moves(before, after, result);
   compare_attributes(before, after, result);

@@ -27,8 +27,13 @@ struct Comparison {
   std::vector<std::string> lost, added;            ///< attributes, and faces, that one of the clouds has
 };
 
+/// Throws ErrorKind::usage where both files say their unit and these differ. `names` are those of the files, for
+/// errors.
+void check_same_unit(const Cloud& a, const Cloud& b, const std::string& names);
+
 /// `names` are those of the files, for errors. Throws ErrorKind::file if the numbers of points differ: then points
-/// cannot be told from each other; and if an octree gave those of `after` another order. O(N) for each attribute.
+/// cannot be told from each other; and if an octree gave those of `after` another order; and as check_same_unit does.
+/// O(N) for each attribute.
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names);
 
 }  // namespace pointfair::cli

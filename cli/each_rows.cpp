@@ -92,7 +92,7 @@ void set_findings(Row& row, const std::optional<Findings>& findings) {
   const std::string measured = is_measured ? fmt::format("{},{}", findings->spacing, findings->noise) : ",";
   row.numbers = findings ? fmt::format("{},{},{},{},{},{}", findings->report.points, measured,
                                        findings->displacement.mean, findings->displacement.max,
-                                       findings->report.unmoved.outliers, findings->report.total_milliseconds)
+                                       found_outliers(findings->report), findings->report.total_milliseconds)
                          : "";
   row.run = findings ? run_json(findings->report, *findings) : Json();
 }

@@ -120,12 +120,20 @@ void info_of_one(const InfoArguments& arguments, Pipeline& pipeline, std::stop_t
   if (arguments.report != "-") print_output(info_text(known.cloud, known.estimates, known.typical));
 }
 
+// Files of one table may be in feet and in metres.
+std::string unit_text(const Cloud& cloud) {
+  const FileInfo file = file_info(cloud);
+  if (file.is_geographic) return "degrees";
+  return file.metres_per_unit ? fmt::format("{:.4g} m", *file.metres_per_unit) : "unknown";
+}
+
 // A line a file, as it becomes known; those that cannot be read come at the end.
 void info_of_many(const InfoArguments& arguments, const std::vector<std::filesystem::path>& files, Pipeline& pipeline,
                   std::stop_token stop) {
   const bool prints = arguments.report != "-";
   if (prints)
-    print_output(fmt::format("{:>12} {:>10} {:>10} {:>10}  file\n", "points", "spacing", "noise", "diagonal"));
+    print_output(
+        fmt::format("{:>12} {:>10} {:>10} {:>10} {:>10}  file\n", "points", "spacing", "noise", "diagonal", "unit"));
   Json rows = Json::array();
   std::vector<Error> failures;
   for (const std::filesystem::path& file : files) {
@@ -135,8 +143,8 @@ void info_of_many(const InfoArguments& arguments, const std::vector<std::filesys
       const Estimates& found = known.estimates;
       row.update(info_json(known.cloud, found, known.typical));
       if (prints)
-        print_output(fmt::format("{:>12} {:>10.4g} {:>10.4g} {:>10.4g}  {}\n", found.points, found.spacing, found.noise,
-                                 found.diagonal, file.string()));
+        print_output(fmt::format("{:>12} {:>10.4g} {:>10.4g} {:>10.4g} {:>10}  {}\n", found.points, found.spacing,
+                                 found.noise, found.diagonal, unit_text(known.cloud), file.string()));
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::interrupted) throw;
       row["error"] = error.what();

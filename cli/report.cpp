@@ -92,17 +92,25 @@ Json statistics_json(const Statistics& statistics) {
   return {{"mean", statistics.mean}, {"rms", statistics.rms}, {"p95", statistics.p95}, {"max", statistics.max}};
 }
 
-Json outliers_json(const OutlierCounts& outliers) {
-  return {
-      {"isolated", outliers.isolated}, {"off_surface", outliers.off_surface}, {"mixed_pixels", outliers.mixed_pixels}};
+Json outliers_json(const PointCounts& counts) {
+  const OutlierCounts &kept = counts.unmoved.outliers_by_reason, &pulled = counts.pulled;
+  return {{"isolated", kept.isolated + pulled.isolated},
+          {"off_surface", kept.off_surface + pulled.off_surface},
+          {"mixed_pixels", kept.mixed_pixels + pulled.mixed_pixels}};
 }
 
-std::string coarse_steps(double step, double noise) {
+std::string length_text(double value, std::optional<double> metres_per_unit) {
+  if (!metres_per_unit) return fmt::format("{:.4g}", value);
+  const double metres = value * *metres_per_unit;
+  return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
+}
+
+std::string coarse_steps(double step, double noise, std::optional<double> metres_per_unit) {
   if (!(noise > 0) || !(step > noise)) return {};
   return fmt::format(
-      "the steps of {:.4g} between stored coordinates are coarse against the noise of {:.4g}; for LAS and LAZ, "
+      "the steps of {} between stored coordinates are coarse against the noise of {}; for LAS and LAZ, "
       "--las-scale makes them finer",
-      step, noise);
+      length_text(step, metres_per_unit), length_text(noise, metres_per_unit));
 }
 
 Json rounding_json(double step) { return {{"step", step}, {"rms", kRoundingRms * step}}; }
@@ -149,6 +157,9 @@ std::string points_told(const PointCounts& counts, const std::string& how) {
   const std::uint64_t denoised = points - std::min(points, kept + counts.held);
   std::string text = fmt::format("{} points denoised {}, {} kept as they were{}\n", denoised, how, kept,
                                  reasons_kept(unmoved, counts.ignored));
+  if (counts.pulled.total() > 0)
+    text += fmt::format("{} outliers pulled in{}\n", counts.pulled.total(),
+                        reasons_kept({.outliers_by_reason = counts.pulled}, 0));
   if (counts.held > 0) text += fmt::format("limits, such as --where and --box, held {} others in place\n", counts.held);
   return text;
 }

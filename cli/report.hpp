@@ -22,9 +22,10 @@ Json device_json(const DeviceInfo& device);
 Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
-Json outliers_json(const OutlierCounts& outliers);
+/// In mm or m where the length of the file's unit is known; else as it is.
+std::string length_text(double value, std::optional<double> metres_per_unit);
 /// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
-std::string coarse_steps(double step, double noise);
+std::string coarse_steps(double step, double noise, std::optional<double> metres_per_unit = {});
 /// The error that rounding to such steps adds on each axis.
 Json rounding_json(double step);
 /// The line that tells it; empty without steps.
@@ -41,12 +42,15 @@ std::string noise_source(const Params& asked, const std::string& attribute);
 struct PointCounts {
   std::uint64_t points = 0;  // all
   UnmovedCounts unmoved;
-  OutlierCounts removed;  // of these, not in the result
+  OutlierCounts pulled;   // outliers that were pulled in
+  OutlierCounts removed;  // of the points that were not moved, not in the result
   std::uint64_t ignored = 0, held = 0;
 };
 Json unmoved_json(const PointCounts& counts);
+/// All that were found, whatever became of them.
+Json outliers_json(const PointCounts& counts);
 /// "90 points denoised on cpu in 12.0 ms, 7 kept as they were: 5 not finite or beyond 1e18, 2 isolated", `how` being
-/// "on cpu in 12.0 ms", and a line that tells of those held.
+/// "on cpu in 12.0 ms", and lines that tell of those pulled in and held.
 std::string points_told(const PointCounts& counts, const std::string& how);
 /// A sentence where the limits let no point move; empty: they let some.
 std::string nothing_selected(const PointCounts& counts);

@@ -32,11 +32,7 @@ constexpr std::size_t kQuantiled = 200'000;
 class Lengths {
  public:
   explicit Lengths(const FileInfo& info) : metres_(info.metres_per_unit) {}
-  std::string operator()(double value) const {
-    if (!metres_) return fmt::format("{:.4g} units", value);
-    const double metres = value * *metres_;
-    return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
-  }
+  std::string operator()(double value) const { return length_text(value, metres_) + (metres_ ? "" : " units"); }
   std::string unit() const {
     if (!metres_) return "not said by the file; lengths are in its unit";
     return fmt::format("{:.10g} m, as the file says", *metres_);
@@ -126,7 +122,7 @@ class PageMaker {
   std::vector<std::string> notes_on_pair() const {
     const Statistics& moved = copy_.displacement;
     return notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
-                        stored_float_step(before_, estimates_));
+                        stored_float_step(before_, estimates_), file_info(before_).metres_per_unit);
   }
 
   std::string warnings() const {
@@ -269,23 +265,29 @@ class PageMaker {
     return beside({displacement_map_, table});
   }
 
+  Pairs reasons_of(const OutlierCounts& outliers) const {
+    const std::uint64_t all = before_.points.size();
+    return {{"isolated: too few neighbours within reach", share_of(outliers.isolated, all)},
+            {"off the surface of their neighbours", share_of(outliers.off_surface, all)},
+            {"mixed pixels, between two surfaces", share_of(outliers.mixed_pixels, all)}};
+  }
+
   std::string outlier_section() const {
     std::string html;
     if (job_.run) {
       const UnmovedCounts& unmoved = job_.run->unmoved;
-      const OutlierCounts& by_reason = unmoved.outliers_by_reason;
       const std::uint64_t all = before_.points.size();
-      Pairs reasons{{"isolated: too few neighbours within reach", share_of(by_reason.isolated, all)},
-                    {"off the surface of their neighbours", share_of(by_reason.off_surface, all)},
-                    {"mixed pixels, between two surfaces", share_of(by_reason.mixed_pixels, all)},
-                    {"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
-                    {"no normal", share_of(unmoved.no_normal, all)},
-                    {"on the border of the mesh", share_of(unmoved.boundary, all)},
-                    {"not finite, or ignored", share_of(unmoved.non_finite, all)}};
+      Pairs reasons = reasons_of(unmoved.outliers_by_reason);
+      reasons.insert(reasons.end(), {{"fewer than three neighbours", share_of(unmoved.too_few_neighbors, all)},
+                                     {"no normal", share_of(unmoved.no_normal, all)},
+                                     {"on the border of the mesh", share_of(unmoved.boundary, all)},
+                                     {"not finite, or ignored", share_of(unmoved.non_finite, all)}});
       if (job_.held > 0) reasons.emplace_back("others, held by limits such as a box", share_of(job_.held, all));
       html =
           table_of(job_.removed.empty() ? "Why points were kept in place" : "Why points were kept in place, or removed",
                    reasons);
+      if (job_.run->pulled.total() > 0)
+        html += table_of("Why points were pulled in as outliers", reasons_of(job_.run->pulled));
     } else if (!job_.outliers.empty()) {
       const auto marked = job_.outliers.size() - std::size_t(std::count(job_.outliers.begin(), job_.outliers.end(), 0));
       html = table_of("Marked in the result", {{"outliers", share_of(marked, before_.points.size())}});

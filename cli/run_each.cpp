@@ -105,7 +105,7 @@ void print_row(const Row& row, std::size_t number, std::size_t all) {
   else if (row.findings)
     print_message("{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
                   row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
-                  row.findings->displacement.max, row.findings->report.unmoved.outliers);
+                  row.findings->displacement.max, found_outliers(row.findings->report));
   else
     print_message("{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
   if (!row.findings) return;

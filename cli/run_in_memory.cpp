@@ -178,13 +178,15 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   }
   if (!is_page(arguments.report)) return;
   progress.show(1, "drawing");
+  std::vector<std::string> notes = findings.notes;
+  std::ranges::copy(findings.page_notes, notes.begin());
   const PageJob job{arguments.input,
                     arguments.output,
                     command_text(),
                     &findings.report,
                     findings.asked,
                     findings.noise_attribute,
-                    findings.notes,
+                    notes,
                     {pipeline.outliers().begin(), pipeline.outliers().end()},
                     remaining ? reasons : std::vector<std::uint8_t>{},
                     arguments.device.threads,

@@ -45,11 +45,9 @@ std::string note_of(const TiledJob& job, const TiledChoice& choice) {
     return fmt::format("{} files are one cloud; --each treats every file on its own", job.inputs.size());
   if (choice.points == 0 || job.memory != 0) return {};
   return fmt::format(
-      "{} points would take {} of memory, and {} are free: they are computed in tiles on disk, with the same result{}; "
+      "{} points would take {} of memory, and {} are free: they are computed in tiles on disk, with the same result; "
       "--memory says how much memory to use",
-      choice.points, size_text(choice.needed_bytes), size_text(choice.free_bytes),
-      choice.is_without_sensors ? ", but mixed pixels are not looked for, since its scans were made from several places"
-                                : "");
+      choice.points, size_text(choice.needed_bytes), size_text(choice.free_bytes));
 }
 
 // Before the work.

@@ -20,7 +20,7 @@ Statistics displacement(const Cloud& before, const Cloud& after) {
 }
 
 PointCounts point_counts(const Report& report, const Findings& findings) {
-  PointCounts counts{report.points, report.unmoved, findings.removed, findings.ignored, findings.held};
+  PointCounts counts{report.points, report.unmoved, report.pulled, findings.removed, findings.ignored, findings.held};
   // Ignored points go into a run as points that are not finite.
   counts.unmoved.non_finite -= std::min(counts.unmoved.non_finite, findings.ignored);
   return counts;
@@ -42,13 +42,6 @@ Json mesh_json(const MeshReport& mesh) {
 Json solver_json(const SolverReport& solver) {
   if (solver.iterations == 0) return nullptr;
   return {{"iterations", solver.iterations}, {"residual", solver.residual}};
-}
-
-std::vector<std::string> notes_told(const Report& report, const Findings& findings) {
-  std::vector<std::string> notes = findings.notes;
-  const std::string none = findings.is_copied ? "" : nothing_selected(point_counts(report, findings));
-  if (!none.empty()) notes.insert(notes.begin(), none);
-  return notes;
 }
 
 // "mesh of 1000 vertices and 1996 faces, 3 of them degenerate; folded faces: 12 before, 4 after"
@@ -80,7 +73,9 @@ Json noise_json(const Report& report, const Findings& findings) {
 // Between the coordinates of the file written, where these are integers.
 double written_step(const Cloud& cloud, const WriteOptions& options) {
   if (options.las_scale) return *options.las_scale;
-  const auto is_las = [](Format format) { return format == Format::las || format == Format::laz; };
+  const auto is_las = [](Format format) {
+    return format == Format::las || format == Format::laz || format == Format::copc;
+  };
   const FileInfo info = file_info(cloud);
   const bool keeps = info.format && (!options.format || options.format == info.format ||
                                      (is_las(*options.format) && is_las(*info.format)));
@@ -88,21 +83,14 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
 }
 
 // Where a run was done in zones.
-std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates) {
+std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates,
+                       std::optional<double> metres_per_unit) {
   if (report.stages.empty() || report.stages[0].name != "zones") return {};
   return fmt::format(
       "the cloud is too wide and dense for floats around one origin, so it is computed in zones where floats step by "
-      "{:.4g}{}",
-      estimates.float_step, file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
-}
-
-std::vector<std::string> notes(bool keeps_normals, const WriteOptions& options, const Cloud& cloud, double noise,
-                               const Findings& findings) {
-  std::vector<std::string> result = losses(cloud, options.format, options.encoding);
-  if (keeps_normals && findings.displacement.max > 0)
-    for (std::string& note : notes_on_kept_normals(cloud, options.format)) result.push_back(std::move(note));
-  if (const std::string coarse = coarse_steps(findings.step, noise); !coarse.empty()) result.push_back(coarse);
-  return result;
+      "{}{}",
+      length_text(estimates.float_step, metres_per_unit),
+      file_viewpoints(cloud).size() > 1 ? ", and mixed pixels are not looked for" : "");
 }
 
 }  // namespace
@@ -131,14 +119,24 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.float_step = estimates.float_step;
   findings.displacement = displacement(before, after);
   const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
-  findings.notes = notes(keeps_normals, options, after, noise, findings);
-  if (const std::string zones = zones_note(before, pipeline.report(), estimates); !zones.empty())
-    findings.notes.push_back(zones);
   const Statistics& moved = findings.displacement;
-  const std::vector<std::string> doubtful =
-      notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max},
-                   stored_float_step(before, estimates));
-  findings.notes.insert(findings.notes.end(), doubtful.begin(), doubtful.end());
+  const std::vector<std::string> lost = losses(after, options.format, options.encoding);
+  const auto notes = [&](std::optional<double> metres_per_unit) {
+    std::vector<std::string> result{nothing_selected(point_counts(pipeline.report(), findings))};
+    const auto add = [&](const std::vector<std::string>& more) {
+      result.insert(result.end(), more.begin(), more.end());
+    };
+    add(lost);
+    if (keeps_normals && moved.max > 0) add(notes_on_kept_normals(after, options.format));
+    add({coarse_steps(findings.step, noise, metres_per_unit),
+         zones_note(before, pipeline.report(), estimates, metres_per_unit)});
+    add(notes_on_run(findings.asked, estimates, pipeline.report(), {moved.mean, moved.rms, moved.p95, moved.max},
+                     stored_float_step(before, estimates), metres_per_unit));
+    std::erase(result, "");
+    return result;
+  };
+  findings.notes = notes({});
+  if (const auto metres = file_info(before).metres_per_unit) findings.page_notes = notes(metres);
 }
 
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {
@@ -159,8 +157,9 @@ Json run_json(const Report& report, const Findings& findings) {
           {"rounding", rounding_json(findings.step)},
           {"float_step", findings.float_step},
           {"unmoved", unmoved_json(point_counts(report, findings))},
-          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"outliers", outliers_json(point_counts(report, findings))},
           {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
+          {"pulled", report.pulled.total()},
           {"removed", findings.removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"copies", report.copies},
@@ -171,7 +170,7 @@ Json run_json(const Report& report, const Findings& findings) {
           {"tiles", report.tiles},
           {"total_ms", report.total_milliseconds},
           {"peak_bytes", {{"host", report.peak_host_bytes}, {"device", report.peak_device_bytes}}},
-          {"notes", notes_told(report, findings)}};
+          {"notes", findings.notes}};
 }
 
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
@@ -194,7 +193,7 @@ void print_summary(const Report& report, const Findings& findings, bool with_det
   print_message("{}", mesh_told(report.mesh));
   if (const SolverReport& solver = report.solver; solver.iterations > 0)
     print_message("equations solved by {} iterations to a residual of {:.1g}\n", solver.iterations, solver.residual);
-  for (const std::string& note : notes_told(report, findings)) print_message("note: {}\n", note);
+  for (const std::string& note : findings.notes) print_message("note: {}\n", note);
 }
 
 }  // namespace pointfair::cli

@@ -30,6 +30,7 @@ struct Findings {
   OutlierCounts removed;      // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
+  std::vector<std::string> page_notes;  // the first of them, where a page says lengths in mm or m
 };
 
 // Counts the points that the limits alone hold, and those that were left out of the run. `outliers`: of the run, if
@@ -41,6 +42,9 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
               Pipeline& pipeline, std::stop_token stop, Findings& findings);
 // Of a run at strength 0, whose points are written as they were.
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings);
+
+// Whatever became of them.
+inline std::uint64_t found_outliers(const Report& report) { return report.unmoved.outliers + report.pulled.total(); }
 
 Json run_json(const Report& report, const Findings& findings);
 void print_summary(const Report& report, const Findings& findings, bool with_details);

@@ -95,9 +95,9 @@ Json noise_json(const TiledReport& report) {
 PointCounts point_counts(const TiledReport& report) {
   const auto& of_reason = report.outcome.of_reason;
   const bool removes = report.outlier_action.kind == OutlierAction::Kind::remove;
-  return {report.points, report.unmoved,
-          removes ? OutlierCounts{of_reason[1], of_reason[2], of_reason[3]} : OutlierCounts(), report.ignored,
-          report.held};
+  return {report.points,  report.unmoved,
+          report.pulled,  removes ? OutlierCounts{of_reason[1], of_reason[2], of_reason[3]} : OutlierCounts(),
+          report.ignored, report.held};
 }
 
 std::vector<std::string> notes_of(const TiledReport& report) {
@@ -125,8 +125,9 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
           {"rounding", rounding_json(report.step)},
           {"float_step", report.float_step},
           {"unmoved", unmoved_json(point_counts(report))},
-          {"outliers", outliers_json(report.unmoved.outliers_by_reason)},
+          {"outliers", outliers_json(point_counts(report))},
           {"found_sensor", report.found_sensor ? Json(*report.found_sensor) : Json()},
+          {"pulled", report.pulled.total()},
           {"removed", point_counts(report).removed.total()},
           {"short_neighborhoods", report.short_neighborhoods},
           {"copies", report.copies},

@@ -114,6 +114,8 @@ TEST(Outliers, are_pulled_in) {
   const Lifted cloud = with_outliers(noisy_plane());
   const Ran outcome(cloud.points, with(Outliers::move));
   EXPECT_EQ(outcome.report.unmoved.outliers, 0u);
+  EXPECT_GE(outcome.report.pulled.total(), kRecognized);
+  EXPECT_LE(outcome.report.pulled.total(), std::uint64_t(std::ranges::count(cloud.is_lifted, true)));
   std::uint64_t near = 0;
   for (std::size_t i = 0; i < cloud.points.size(); ++i)
     near += cloud.is_lifted[i] && std::abs(outcome.points[i].z) < 3 * kSigma;

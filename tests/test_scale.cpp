@@ -196,6 +196,14 @@ TEST(Scale, what_was_measured_is_loaded_as_it_was_and_its_file_has_the_same_byte
   EXPECT_TRUE(read_text(folder / "a") == read_text(folder / "b"));
 }
 
+TEST(Scale, files_of_a_work_folder_that_hold_something_else_have_another_number) {
+  const Folder folder;
+  save(Measured{}, folder / "measured");
+  EXPECT_EQ(std::tuple(kWorkFiles, sizeof(PointsHeader), sizeof(Section), fs::file_size(folder / "measured")),
+            std::tuple(3, 224, 56, 424))
+      << "raise kWorkFiles, and write the sizes here";
+}
+
 TEST(Scale, a_damaged_file_of_points_is_refused) {
   const Folder folder;
   std::vector<Point> points = random_points(100, 6);

@@ -288,9 +288,9 @@ void Document::show_result(const Request& request, const std::stop_token& stop) 
 std::vector<std::string> Document::notes_on(const Request& request, const Displacements& moved,
                                             const std::stop_token& stop) {
   const auto& [params, limits] = request.recipe;
-  std::vector<std::string> notes =
-      notes_on_run(params, pipeline_->estimates(stop), pipeline_->report(),
-                   {moved.mean, moved.rms, moved.p95, moved.max}, stored_float_step(cloud_, facts_.estimates));
+  std::vector<std::string> notes = notes_on_run(
+      params, pipeline_->estimates(stop), pipeline_->report(), {moved.mean, moved.rms, moved.p95, moved.max},
+      stored_float_step(cloud_, facts_.estimates), file_info(cloud_).metres_per_unit);
   notes.insert(notes.end(), notes_.begin(), notes_.end());
   if (viewpoint().empty() && !pipeline_->report().found_sensor) {
     const std::vector<std::string> on_grid = notes_on_grid(cloud_);

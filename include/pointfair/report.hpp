@@ -116,6 +116,7 @@ struct Report {
   /// coordinates of the loaded cloud's file, or of its points where it has none. Nothing where no place was looked for,
   /// found or taken, as where one was given.
   std::optional<std::array<double, 3>> found_sensor{};
+  OutlierCounts pulled{};  ///< outliers that Outliers::move pulled in; the first iteration tells
 };
 
 }  // namespace pointfair

@@ -35,10 +35,12 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_cloud(const Estimates& estima
 /// moves are large against the cloud, that the noise is long-wave, that rows of points are too far apart for
 /// neighbourhoods, or that many points show no surface. `asked`: the parameters as they were given to Pipeline::run;
 /// `estimates` and `report`: of that pipeline; `moved`: how far points moved in the end, with all limits; `stored_step`
-/// as stored_float_step. Empty where there is nothing to say. O(1); never fails.
+/// as stored_float_step; `metres_per_unit`: as in FileInfo, to tell lengths in mm and m. Empty where there is nothing
+/// to say. O(1); never fails.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates,
                                                        const Report& report, const Displacement& moved,
-                                                       double stored_step = 0);
+                                                       double stored_step = 0,
+                                                       std::optional<double> metres_per_unit = {});
 
 /// Of the places of sensors that a run took, in the coordinates of the file: one that lies more than a hundred
 /// diagonals outside the bounds of the cloud, as where it is in another unit or another coordinate system. `origin`: of

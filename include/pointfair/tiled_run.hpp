@@ -50,11 +50,10 @@ struct Displacement {
 
 /// How a job is best computed on this machine.
 struct TiledChoice {
-  bool in_tiles = false;            ///< on disk; else by a Pipeline, in memory
-  std::uint64_t points = 0;         ///< where memory decided; else 0
-  std::uint64_t needed_bytes = 0;   ///< at most, by a run in memory; the same
-  std::uint64_t free_bytes = 0;     ///< that this process can take now; the same
-  bool is_without_sensors = false;  ///< the file says several places of the sensor, and tiles look at none
+  bool in_tiles = false;           ///< on disk; else by a Pipeline, in memory
+  std::uint64_t points = 0;        ///< where memory decided; else 0
+  std::uint64_t needed_bytes = 0;  ///< at most, by a run in memory; the same
+  std::uint64_t free_bytes = 0;    ///< that this process can take now; the same
 };
 
 /// A coordinate system that inputs name with an EPSG code.
@@ -71,6 +70,7 @@ struct TiledReport {
   Params asked;   ///< as planned: what is automatic is, and lengths are in file units or relative
   Params params;  ///< as used
   UnmovedCounts unmoved;
+  OutlierCounts pulled;       ///< as in Report
   std::uint64_t ignored = 0;  ///< finite points that Limits::ignore left out
   std::uint64_t held = 0;     ///< others that the limits did not let move, and that are no outliers
   std::uint64_t short_neighborhoods = 0;
@@ -93,8 +93,9 @@ struct TiledReport {
   std::vector<NamedSystem> systems;  ///< that the inputs name, those of most inputs first
   double step = 0;                   ///< between coordinates that an output stores as integers, the largest; else 0
   double stored_float_step = 0;      ///< the largest between those that a binary input stores as 32-bit floats; else 0
-  /// What the outputs do not keep of their inputs, what lies beside these only, and that normals are those from before:
-  /// a sentence each, of many files the first ten and how many more there are.
+  /// What the outputs do not keep of their inputs, what lies beside these only, that normals are those from before, and
+  /// places of sensors that were taken or not: a sentence each, of many files the first ten and how many more there
+  /// are.
   std::vector<std::string> notes_on_files;
 };
 

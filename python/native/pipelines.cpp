@@ -296,16 +296,17 @@ nb::tuple mesh_row(const MeshReport& mesh) {
 Row as_tuple(const Report& report) {
   nb::list stages;
   for (const StageTime& stage : report.stages) stages.append(nb::make_tuple(stage.name, stage.milliseconds));
+  const auto reasons = [](const OutlierCounts& outliers) {
+    return nb::make_tuple(outliers.isolated, outliers.off_surface, outliers.mixed_pixels);
+  };
   const UnmovedCounts& unmoved = report.unmoved;
-  return nb::make_tuple(
-      as_tuple(report.device), report.points, report.params,
-      nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal, unmoved.outliers,
-                     nb::make_tuple(unmoved.outliers_by_reason.isolated, unmoved.outliers_by_reason.off_surface,
-                                    unmoved.outliers_by_reason.mixed_pixels),
-                     unmoved.boundary),
-      report.short_neighborhoods, report.copies, stages, mesh_row(report.mesh),
-      nb::make_tuple(report.solver.iterations, report.solver.residual), report.tiles, report.total_milliseconds,
-      report.peak_host_bytes, report.peak_device_bytes, report.found_sensor);
+  return nb::make_tuple(as_tuple(report.device), report.points, report.params,
+                        nb::make_tuple(unmoved.non_finite, unmoved.too_few_neighbors, unmoved.no_normal,
+                                       unmoved.outliers, reasons(unmoved.outliers_by_reason), unmoved.boundary),
+                        report.short_neighborhoods, report.copies, stages, mesh_row(report.mesh),
+                        nb::make_tuple(report.solver.iterations, report.solver.residual), report.tiles,
+                        report.total_milliseconds, report.peak_host_bytes, report.peak_device_bytes,
+                        report.found_sensor, reasons(report.pulled));
 }
 
 void bind_pipelines(nb::module_& module) {

@@ -179,6 +179,8 @@ class Report:
     found_sensor: tuple[float, float, float] | None
     """Where the sensor stood by the distances between points, as the run took it to look for mixed pixels; None where a place
     was given, or none was looked for or found."""
+    pulled: Outliers
+    """Outliers that outliers="move" pulled in; the first iteration tells."""
     noise: float = dataclasses.field(default=float("nan"))
     """Estimated on the input; nan: not asked for."""
     spacing: float = dataclasses.field(default=float("nan"))
@@ -197,10 +199,10 @@ def device_of(row: tuple[Any, ...]) -> DeviceInfo:
 def report_of(row: tuple[Any, ...], **more: Any) -> Report:
     """A Report of the native module's tuple."""
     (device, points, params, unmoved, short, copies, stages, mesh, solver, tiles, milliseconds, host_bytes, device_bytes,
-     place) = row
+     place, pulled) = row
     non_finite, too_few_neighbors, no_normal, outliers, reasons, boundary = unmoved
     kept = Unmoved(non_finite, too_few_neighbors, no_normal, outliers, Outliers(*reasons), boundary)
     return Report(device_of(device), points, Params._of(params), kept, short, copies,
                   tuple(Stage(*stage) for stage in stages), Mesh(*mesh) if mesh[0] else None,
                   Solver(*solver) if solver[0] else None, tiles, milliseconds, host_bytes, device_bytes,
-                  tuple(place) if place else None, **more)
+                  tuple(place) if place else None, Outliers(*pulled), **more)

@@ -8,6 +8,7 @@
 
 #include "cpu/index.h"
 #include "cpu/parallel.h"
+#include "point/neighbors.h"
 
 namespace pointfair::cpu {
 namespace {
@@ -135,6 +136,7 @@ class Net {
                       classical_.noise[at]};
       }
     });
+    unite_places();
     slide();
     end_step();
     const NetCloud view{{lists_of_[0], lists_of_[1], lists_of_[2], lists_of_[3]},
@@ -157,6 +159,20 @@ class Net {
       for_points([&](Index first, Index last) { net_kernels_.store(view, weights_, layer, first, last); });
       for_points([&](Index first, Index last) { net_kernels_.layer(view, weights_, layer, first, last); });
       end_step();
+    }
+  }
+
+  // Points that the stages brought to one place lie side by side in the order of the input: all are to the net what
+  // the one is that was measured first in the order of positions.
+  void unite_places() {
+    net::Place* const end = places_.data() + index_.view().points;
+    for (net::Place *one = places_.data(), *next = one; one != end; one = next) {
+      net::Place first = *one;
+      const point::Vec3<float> here = one->classical;
+      for (; next != end && next->classical.x == here.x && next->classical.y == here.y && next->classical.z == here.z;
+           ++next)
+        if (point::lies_before(next->measured, first.measured)) first = *next;
+      for (; one != next; ++one) *one = {one->classical, first.normal, first.measured, first.noise};
     }
   }
 

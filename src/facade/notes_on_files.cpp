@@ -34,7 +34,7 @@ class CornerCounter final : public io::FaceVisitor {
     const auto corners = std::count(is_corner_.begin(), is_corner_.end(), true);
     if (faces_ == 0 || 2 * corners < std::ptrdiff_t(is_corner_.size())) return {};
     return {"the " + std::to_string(faces_) +
-            " faces of the file are kept and not followed; --connectivity mesh follows their edges"};
+            " faces of the file are not followed; --connectivity mesh follows their edges"};
   }
 
  private:

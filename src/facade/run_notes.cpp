@@ -27,6 +27,7 @@ struct Look {
   bool is_shared = false;                         // the noise, in neighbourhoods that the run chose
   bool is_of_lines = false;                       // the same
   std::uint64_t copies = 0;                       // points
+  std::optional<double> metres_per_unit{};        // to tell lengths with their unit
 };
 
 std::string written(double value, std::chars_format format, int digits) {
@@ -34,15 +35,21 @@ std::string written(double value, std::chars_format format, int digits) {
   return {text, std::to_chars(text, text + sizeof text, value, format, digits).ptr};
 }
 
-std::string rounded(double value, int digits = 4) { return written(value, std::chars_format::general, digits); }
+std::string told(double length, const Look& look, int digits = 4) {
+  const auto rounded = [&](double value) { return written(value, std::chars_format::general, digits); };
+  if (!look.metres_per_unit) return rounded(length);
+  const double metres = length * *look.metres_per_unit;
+  return metres < 1 ? rounded(1000 * metres) + " mm" : rounded(metres) + " m";
+}
 
 std::string whole(double value) { return written(value, std::chars_format::fixed, 0); }
 
 void add_coarse_floats(const Look& look, std::vector<std::string>& notes) {
   constexpr double kFewest = 3;  // steps in the noise; rounding then adds less than .5 % to it
   if (!(look.noise > 0) || !(kFewest * look.float_step > look.noise)) return;
-  notes.push_back("coordinates far from the middle of the cloud are computed in steps of " + rounded(look.float_step) +
-                  ", coarse against the noise of " + rounded(look.noise) + "; split so wide a cloud");
+  notes.push_back("coordinates far from the middle of the cloud are computed in steps of " +
+                  told(look.float_step, look) + ", coarse against the noise of " + told(look.noise, look) +
+                  "; split so wide a cloud");
 }
 
 // Of a step between coordinates that were written: what is finer is neither noise that a run removes nor shape.
@@ -53,16 +60,16 @@ bool is_coarse(double step, const Look& look) {
 
 void add_stored_floats(const Look& look, std::vector<std::string>& notes) {
   if (!is_coarse(look.stored_step, look)) return;
-  notes.push_back("coordinates are stored as 32-bit floats, which lie " + rounded(look.stored_step) +
-                  " apart so far from 0, coarse against the noise of " + rounded(look.noise) +
+  notes.push_back("coordinates are stored as 32-bit floats, which lie " + told(look.stored_step, look) +
+                  " apart so far from 0, coarse against the noise of " + told(look.noise, look) +
                   ": what is finer was lost when they were written; write doubles there, or coordinates near 0");
 }
 
 // That floats are so coarse was said with the steps of floats.
 void add_rounded(const Look& look, std::vector<std::string>& notes) {
   if (is_coarse(look.stored_step, look) || !is_coarse(look.coordinate_step, look)) return;
-  notes.push_back("coordinates were rounded to steps of up to " + rounded(look.coordinate_step) +
-                  ", coarse against the noise of " + rounded(look.noise) +
+  notes.push_back("coordinates were rounded to steps of up to " + told(look.coordinate_step, look) +
+                  ", coarse against the noise of " + told(look.noise, look) +
                   ": noise and shape that are finer than the steps do not show");
 }
 
@@ -72,8 +79,8 @@ void add_sparse(const Look& look, std::vector<std::string>& notes) {
   constexpr double kFarApart = 100;  // spacings in the noise; below a seventieth, run removes hardly any
   const bool is_sparse = look.diagonal > 0 && look.spacing > kFewPoints * look.diagonal;
   if (!is_sparse || !(look.noise > 0) || look.spacing <= kFarApart * look.noise) return;
-  notes.push_back("points are " + rounded(look.spacing) + " apart, " + whole(look.spacing / look.noise) +
-                  " times the noise of a typical place, " + rounded(look.noise, 2) +
+  notes.push_back("points are " + told(look.spacing, look) + " apart, " + whole(look.spacing / look.noise) +
+                  " times the noise of a typical place, " + told(look.noise, look, 2) +
                   ": where they are so far apart, noise and shape look the same, and hardly any noise is removed; " +
                   (look.is_noise_given ? "a larger --noise removes more" : "--noise gives the noise of a data sheet"));
 }
@@ -83,13 +90,13 @@ void add_large(const Look& look, std::vector<std::string>& notes) {
   const double large = kLarge * look.diagonal;
   const bool noise_is = look.noise > large, moves_are = look.moved.p95 > large;
   if (!(look.diagonal > 0) || (!noise_is && !moves_are)) return;
-  std::string note = noise_is ? "the noise of " + rounded(look.noise) : "";
-  if (moves_are) note += (noise_is ? " and moves of up to " : "moves of up to ") + rounded(look.moved.max);
-  note += (moves_are ? " are" : " is") + (" large against the cloud, whose diagonal is " + rounded(look.diagonal));
+  std::string note = noise_is ? "the noise of " + told(look.noise, look) : "";
+  if (moves_are) note += (noise_is ? " and moves of up to " : "moves of up to ") + told(look.moved.max, look);
+  note += (moves_are ? " are" : " is") + (" large against the cloud, whose diagonal is " + told(look.diagonal, look));
   if (!noise_is && look.pulls_outliers)
     note += ": --outliers move pulls outliers in from so far; --outliers keep leaves them where they are";
   else if (look.spacing > kFewPoints * look.diagonal)
-    note += ": its points, " + rounded(look.spacing) + " apart, may be too few to show a surface";
+    note += ": its points, " + told(look.spacing, look) + " apart, may be too few to show a surface";
   notes.push_back(note + "; compare before and after");
 }
 
@@ -143,7 +150,7 @@ void add_far_sensors(std::span<const Position> sensors, const Position& min, con
                   "system; --viewpoint x,y,z gives another, --viewpoint none gives none");
 }
 
-// Points that kept their place because of where the sensor seems to have stood.
+// Points that are outliers because of where the sensor seems to have stood.
 void add_found_sensor(const std::optional<Position>& place, std::uint64_t mixed_pixels, double diagonal,
                       std::vector<std::string>& notes) {
   if (!place || mixed_pixels == 0 || !(diagonal > 0)) return;
@@ -189,6 +196,11 @@ std::vector<std::string> notes_on(const Look& look) {
 // Points that kept their place for want of a surface. `share`: of the finite points, where the cloud shows none.
 std::uint64_t count_without_surface(const UnmovedCounts& unmoved, double share, std::uint64_t finite) {
   return unmoved.too_few_neighbors + unmoved.no_normal + unmoved.outliers + std::uint64_t(share * double(finite));
+}
+
+template <class AnyReport>
+std::uint64_t mixed_pixels_of(const AnyReport& report) {
+  return report.unmoved.outliers_by_reason.mixed_pixels + report.pulled.mixed_pixels;
 }
 
 bool is_noise_given(const Params& asked, const Params& used) {
@@ -256,7 +268,8 @@ std::vector<std::string> notes_on_cloud(const Estimates& estimates, double store
 }
 
 std::vector<std::string> notes_on_run(const Params& asked, const Estimates& estimates, const Report& report,
-                                      const Displacement& moved, double stored_step) {
+                                      const Displacement& moved, double stored_step,
+                                      std::optional<double> metres_per_unit) {
   std::vector<std::string> notes =
       notes_on({.spacing = estimates.spacing,
                 .noise = noise_of(asked, report.params, estimates.noise),
@@ -271,8 +284,9 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .without_surface = count_without_surface(report.unmoved, report.without_surface, estimates.finite),
                 .is_shared = tells_of_shared(asked, estimates.noise_is_shared),
                 .is_of_lines = tells_of_lines(asked, estimates.is_of_lines),
-                .copies = report.copies});
-  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, estimates.diagonal, notes);
+                .copies = report.copies,
+                .metres_per_unit = metres_per_unit});
+  add_found_sensor(report.found_sensor, mixed_pixels_of(report), estimates.diagonal, notes);
   return notes;
 }
 
@@ -303,7 +317,7 @@ std::vector<std::string> notes_on_run(const TiledReport& report) {
                 .is_of_lines = tells_of_lines(report.asked, report.is_of_lines),
                 .copies = report.copies});
   add_mixed_systems(report.systems, notes);
-  add_found_sensor(report.found_sensor, report.unmoved.outliers_by_reason.mixed_pixels, report.diagonal, notes);
+  add_found_sensor(report.found_sensor, mixed_pixels_of(report), report.diagonal, notes);
   if (report.sensor) add_far_sensors({&*report.sensor, 1}, report.min, report.max, report.diagonal, notes);
   return notes;
 }

@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "estimate/automatic.hpp"
-#include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
 #include "io/text.hpp"
 #include "io/unfinished_files.hpp"
@@ -83,8 +82,6 @@ std::vector<std::string> notes_on_files(const std::vector<InputFile>& files, con
 
 constexpr std::uint64_t kLeastBytesOfRecord = 2;  // of a point, in any file
 
-bool says_several_sensors(const Source& source) { return io::has_sensor(source) && !io::common_sensor(source); }
-
 }  // namespace
 
 struct TiledRun::State : Tasks {
@@ -114,7 +111,6 @@ TiledChoice TiledRun::choose(const TiledJob& job, const fs::path& work, Device d
     // Where the memory is given, planning says what tiles cannot do.
     choice.in_tiles =
         needs_tiles(choice.points, job.params, found.kind, memory) && (is_memory_given || can_be_planned(job, source));
-    choice.is_without_sensors = job.viewpoint.empty() && says_several_sensors(*source);
     return choice;
   });
 }
@@ -238,6 +234,7 @@ TiledReport TiledRun::report() const {
     report.ignored = measured.ignored;
     const Counts counts = state_->counts();
     report.unmoved = counts.unmoved;
+    report.pulled = counts.pulled;
     report.short_neighborhoods = counts.short_neighborhoods;
     report.copies = counts.copies;
     add_written(folder.files_of(steps.back()), report);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Writing whole files: chooses the format, and hands over to its writer.
+#include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "io/contents.hpp"
@@ -9,6 +11,7 @@
 #include "io/streamed.hpp"
 #include "io/text.hpp"
 #include "platform/path_text.hpp"
+#include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -71,8 +74,20 @@ void write_new(const Plan& plan, const Cloud& cloud, io::Output& out) {
   io::row_of(plan.format).write(io::make_table(cloud), {plan.format, plan.encoding, plan.edits.las_scale}, out);
 }
 
+// Whoever reads an E57 file takes its coordinates for metres.
+void check_metres(const Cloud& cloud) {
+  const FileInfo info = cloud.source ? cloud.source->info() : FileInfo{};
+  const double unit = info.metres_per_unit.value_or(1);
+  if (!info.is_geographic && std::abs(unit - 1) < 1e-6) return;
+  char length[32];
+  std::snprintf(length, sizeof length, "%.7g m", unit);
+  refuse(std::string("E57 files are in metres, and the unit of this cloud is ") +
+         (info.is_geographic ? "a degree" : length) + "; choose LAZ or PLY, or convert it to metres first");
+}
+
 // Refuses what no new file of the format can be made of.
 void check_new(const Cloud& cloud, Format format) {
+  if (format == Format::e57) check_metres(cloud);
   if (format == Format::stl) io::check_new_stl(cloud);
   if (format == Format::copc) io::check_new_copc(cloud);
   if (format == Format::kitti || format == Format::nuscenes)
@@ -187,7 +202,7 @@ std::string why_not_streamed(const Plan& chosen, const Source& source, const std
   if (chosen.format == source.format() && !chosen.edits.added.empty())
     return begin + "takes no further attributes in " + row_of(chosen.format).name +
            " files, so outliers cannot be marked; use --outliers keep";
-  return begin + "is written in the format of its file; name the output so, and convert it afterwards";
+  return begin + "is written as " + row_of(source.format()).name + "; name the output so, and convert it afterwards";
 }
 
 }  // namespace

@@ -165,6 +165,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   if (!moves_along_normal(used.method)) report.unmoved.no_normal = 0;
   report.unmoved.outliers = outlier_counts.total();
   report.unmoved.outliers_by_reason = outlier_counts;
+  if (used.outliers == Outliers::move) report.pulled = pulled_;
 }
 
 // The last of `all` stages that a run has in all; those before were cached.
@@ -200,6 +201,7 @@ void Pipeline::State::run_stage(const Step& step, const std::stop_token& stop) {
     case Stage::fairing: {
       FairingSettings fairing = settings.fairing;
       fairing.is_further = iteration > 0;
+      if (fairing.pull_outliers && iteration == 0) pulled_ = count_outliers(fairing, stop);
       backend.fair(iteration, fairing, stop);
       break;
     }
@@ -207,6 +209,14 @@ void Pipeline::State::run_stage(const Step& step, const std::stop_token& stop) {
       break;
   }
   log_.note_call(name_of(stage), milliseconds_since(start));
+}
+
+// Of the first iteration, by the stage that leaves them in place: one that pulls them in does not tell them apart.
+OutlierCounts Pipeline::State::count_outliers(FairingSettings fairing, const std::stop_token& stop) {
+  fairing.pull_outliers = false;
+  cloud.backend().fair(0, fairing, stop);
+  std::vector<Point> results(cloud.points());
+  return cloud.backend().download(0, results, DisplacementLimits().or_endless(), {});
 }
 
 void Pipeline::State::drop_times_of_failed_run() {

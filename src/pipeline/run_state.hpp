@@ -146,6 +146,7 @@ struct Pipeline::State {
     return result;
   }
   void run_stage(const Step& step, const std::stop_token& stop);
+  OutlierCounts count_outliers(FairingSettings fairing, const std::stop_token& stop);
 
   struct Helper {
     std::unique_ptr<Backend> backend;
@@ -168,6 +169,7 @@ struct Pipeline::State {
     Aside aside;
   };
   std::optional<Shown> shown_;
+  OutlierCounts pulled_;                         // by the first iteration that is cached
   IndexOrder last_order_ = IndexOrder::fastest;  // of the run before, which the next is likely to be like
   double upload_milliseconds_ = 0;               // not yet reported
   bool upload_times_itself_ = false;             // the costs tell how long it took

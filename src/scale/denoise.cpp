@@ -9,6 +9,7 @@
 #include <span>
 #include <utility>
 
+#include "seam/outlier_tally.hpp"
 #include "tiles/choice.hpp"
 #include "tiles/tile_run.hpp"
 
@@ -60,9 +61,20 @@ class Tile final : private PointStore {
       if (origin != origins_.front()) enter(origin);
       if (!has_points()) continue;
       const point::Cell all{{-kUnbounded, -kUnbounded, -kUnbounded}, {kUnbounded, kUnbounded, kUnbounded}};
-      add(counts_, run_tiles({.store = *this, .stages = stages_, .for_each = for_each, .least_split = kLeastTile},
-                             {&worker, 1}, {{all, {}, bounds_}}, stop_));
+      const auto run = [&](const FramedSettings& stages) {
+        return run_tiles({.store = *this, .stages = stages, .for_each = for_each, .least_split = kLeastTile},
+                         {&worker, 1}, {{all, {}, bounds_}}, stop_);
+      };
+      if (stages_.fairing.pull_outliers && !stages_.fairing.is_further) {  // who is pulled in is not told apart
+        FramedSettings leaving = stages_;
+        leaving.fairing.pull_outliers = false;
+        only_counts_ = true;
+        run(leaving);
+        only_counts_ = false;
+      }
+      add(counts_, run(stages_));
     }
+    counts_.pulled = pulled_.counts();
     seen_.reset();
     own_ = {};
     loaded_ = {};
@@ -155,12 +167,20 @@ class Tile final : private PointStore {
 
   void keep(std::span<const std::uint32_t> numbers, std::span<const Point> results,
             std::span<const unsigned char> outcomes) override {
+    if (only_counts_) return count_outliers(results, outcomes);
     for (std::size_t i = 0; i < numbers.size(); ++i)
       if (outcomes[i] != 0) {
         Point& to = results_[numbers[i]];
         to = moved(to, own_[numbers[i]], results[i]);
         if ((outcomes[i] & point::kIsCopy) != 0) is_copy_[numbers[i]] = 1;
       }
+  }
+
+  void count_outliers(std::span<const Point> results, std::span<const unsigned char> outcomes) {
+    OutlierCounts here;
+    for (std::size_t i = 0; i < results.size(); ++i)
+      if (outcomes[i] != 0 && !is_indexed(results[i])) count(point::outlier_at(results[i].x), here);
+    pulled_.add(here);
   }
 
   Error does_not_fit(std::size_t number) const override {
@@ -230,6 +250,8 @@ class Tile final : private PointStore {
   std::vector<std::uint8_t> is_copy_;  // of the results
   std::vector<Point> loaded_;          // points that are computed, those of the tile first; then their results
   Counts counts_;
+  bool only_counts_ = false;  // of results, which outliers there are
+  OutlierTally pulled_;
 };
 
 }  // namespace

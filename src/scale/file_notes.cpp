@@ -6,6 +6,7 @@
 #include <map>
 #include <utility>
 
+#include "estimate/automatic.hpp"
 #include "io/remaining_source.hpp"
 #include "io/streamed.hpp"
 #include "pointfair/run_notes.hpp"
@@ -32,10 +33,23 @@ std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const 
   add(FileNote::Kind::remark, notes_on_materials(shell, file.path, file.output, source->format()));
   if (job.params.connectivity == Connectivity::automatic && job.limits.strength > 0)
     add(FileNote::Kind::remark, notes_on_faces(shell));
-  // several files that stand in grids are scans from several places
-  if (job.inputs.size() == 1 && job.viewpoint.empty()) add(FileNote::Kind::on_unfound_sensor, notes_on_grid(shell));
   add(FileNote::Kind::on_moves, notes_on_kept_normals(shell, source->format()));
   return notes;
+}
+
+void add_notes_on_sensors(const std::vector<std::shared_ptr<Source>>& sources, Plan& plan) {
+  if (!plan.viewpoint.empty()) return;
+  const bool takes_none = !plan.sensor && !plan.seeks_sensor;  // they do not say one place
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    std::vector<std::string> texts;
+    if (!takes_none) texts = notes_on_grid({.origin = sources[i]->origin(), .source = sources[i]});
+    if (takes_none && seeks_outliers(plan.params))
+      texts.push_back(
+          std::string("the inputs do not say one place of the sensor for all points, so a run in tiles takes "
+                      "none: points between two surfaces (mixed pixels) are not looked for") +
+          (sources.size() > 1 ? "; --each treats every file on its own" : ""));
+    for (std::string& text : texts) plan.files[i].notes.push_back({FileNote::Kind::on_unfound_sensor, std::move(text)});
+  }
 }
 
 void refuse_losses(const std::filesystem::path& output, const std::vector<FileNote>& notes) {

@@ -15,6 +15,7 @@
 namespace pointfair::scale {
 
 struct InputFile;
+struct Plan;
 
 /// What is known of a result before the work, and told after it.
 struct FileNote {
@@ -32,13 +33,15 @@ struct FileNote {
 /// `file`: its paths.
 std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const Source>& source, const InputFile& file);
 
+/// What the places of sensors, which are known of all files together, come to; each time that it is so.
+void add_notes_on_sensors(const std::vector<std::shared_ptr<Source>>& sources, Plan& plan);
+
 /// Throws Error(file) where notes tell of losses.
 void refuse_losses(const std::filesystem::path& output, const std::vector<FileNote>& notes);
 
 /// The coordinate system of a file in one line; empty: it does not say.
 std::string coordinate_system_of(const Source& source);
 
-struct InputFile;
 /// The systems that the files name with an EPSG code, those of most files first.
 std::vector<NamedSystem> named_systems(std::span<const InputFile> files);
 

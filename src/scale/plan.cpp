@@ -356,6 +356,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.seeks_sensor = job.viewpoint.empty() &&
                       std::ranges::none_of(sources, [](const auto& source) { return io::has_sensor(*source); });
   refuse_if(why_not_this_sensor(job, plan.sensor));
+  add_notes_on_sensors(sources, plan);
   plan.iterations = iterations_of(plan.params);
   Survey seen = io::with_threads(threads, [&] { return survey(sources, plan.points, plan.coordinate_step); });
   plan.zones = seen.zones;

@@ -20,6 +20,10 @@
 
 namespace pointfair::scale {
 
+/// What the files of a work folder hold and in which order: one more with each change of it, as builds of one version
+/// of the program may differ in it. Any file but the plan is read only once the plan has told that it is this.
+inline constexpr int kWorkFiles = 3;
+
 struct InputFile {
   std::filesystem::path path, output;
   std::string fingerprint;                    ///< of its size, its time and some of its bytes
@@ -92,7 +96,7 @@ void make_plan(const TiledJob& job, const std::filesystem::path& work, unsigned 
 /// Throws Error(file) where the results would not keep all of the inputs.
 void refuse_losses(const Plan& plan);
 bool has_plan(const std::filesystem::path& work);
-/// Throws Error(file) if there is none, or one of another version.
+/// Throws Error(file) if there is none, or one of another version or other kWorkFiles.
 Plan read_plan(const std::filesystem::path& work);
 /// What the plan's file holds: a line for each thing, its name first. `name`: of the file, for errors, which are those
 /// of read_plan(), or that it is damaged.

@@ -13,6 +13,8 @@
 namespace pointfair::scale {
 namespace {
 
+std::string first_line() { return "pointfair-plan " + std::string(version()) + " files " + std::to_string(kWorkFiles); }
+
 std::string text_of(double value) {
   char digits[64];
   std::snprintf(digits, sizeof digits, "%a", value);
@@ -101,9 +103,8 @@ void read_line(const std::string& line, Plan& plan) {
 
 std::string text_of(const Plan& plan) {
   std::ostringstream out;
-  out << "pointfair-plan " << version() << "\n";
-  out << "memory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations << "\ntiles "
-      << plan.tiles << "\n";
+  out << first_line() << "\nmemory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations
+      << "\ntiles " << plan.tiles << "\n";
   out << "origin";
   for (const double c : plan.zones.origin) out << " " << text_of(c);
   out << "\nzones " << text_of(plan.zones.side) << " " << text_of(plan.coordinate_step);
@@ -143,8 +144,11 @@ Plan plan_of(const std::string& text, const std::string& name) {
   std::istringstream lines(text);
   std::string line, last;
   std::getline(lines, line);
-  if (line != std::string("pointfair-plan ") + version())
-    io::fail(name, "was made by another version of pointfair; go on with that one, or plan again in another folder");
+  if (line != first_line())
+    io::fail(
+        name,
+        "was made by another version or build of pointfair; go on with that one, or remove the work folder or name "
+        "another, and start anew");
   Plan plan;
   for (; std::getline(lines, line); last = line) read_line(line, plan);
   if (last != "end") io::fail(name, "is damaged; plan again in another work folder");

@@ -95,6 +95,7 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
   report.unmoved.outliers = report.unmoved.outliers_by_reason.total();
   report.short_neighborhoods = counts.short_neighborhoods;
   report.copies = counts.copies;
+  report.pulled = counts.pulled;
   report.without_surface = tasks->without_surface();
   report.tiles = tasks->folder().plan.tiles;
   if (!job.sensor) report.found_sensor = one_sensor(tasks->settings(), tasks->measured().origin);

@@ -38,6 +38,7 @@ struct Counts {
   UnmovedCounts unmoved;  // without outliers, which download() counts
   std::uint64_t short_neighborhoods = 0;
   std::uint64_t copies = 0;  // that are set aside
+  OutlierCounts pulled{};    // of tiles only
 };
 
 // A stage of one iteration; iterations count from 0.

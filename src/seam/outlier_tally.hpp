@@ -16,6 +16,12 @@ inline void count(point::Outlier outlier, OutlierCounts& counts) {
   counts.mixed_pixels += outlier == point::Outlier::mixed_pixel;
 }
 
+inline void add(OutlierCounts& counts, const OutlierCounts& more) {
+  counts.isolated += more.isolated;
+  counts.off_surface += more.off_surface;
+  counts.mixed_pixels += more.mixed_pixels;
+}
+
 class OutlierTally {
  public:
   void add(const OutlierCounts& some) {

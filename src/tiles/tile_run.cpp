@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "seam/exactness.hpp"
+#include "seam/outlier_tally.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
@@ -261,6 +262,7 @@ void add(Counts& counts, const Counts& more) {
   counts.unmoved.no_normal += more.unmoved.no_normal;
   counts.short_neighborhoods += more.short_neighborhoods;
   counts.copies += more.copies;
+  add(counts.pulled, more.pulled);
 }
 
 void for_tile_blocks(std::size_t count, const ForEach& for_each,

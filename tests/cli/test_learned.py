@@ -2,9 +2,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """--method learned on the command line: it moves points, takes a file of weights, and refuses what it cannot do."""
 import pathlib
+import random
+import struct
 import unittest
 
-from program import Case, run, sphere_points, write_ply
+from program import Case, positions, run, sphere_points, write_ply
 
 WEIGHTS = pathlib.Path(__file__).resolve().parents[2] / "src" / "learned" / "weights.bin"
 
@@ -31,6 +33,22 @@ class Learned(Case):
         self.assertNotEqual(learned, self.result())
         self.assertEqual(learned, self.result("--method", "learned", "--weights", WEIGHTS))
         self.assertEqual(learned, self.result("--method", "learned", "--threads", 3))
+
+    def test_points_that_come_to_one_place_do_not_make_it_depend_on_their_order(self):
+        def single(value):
+            return struct.unpack("<f", struct.pack("<f", value))[0]
+        foot = single(0.3048)
+        for seed in (4, 22, 47):
+            rng = random.Random(seed)
+            points = [tuple(single(rng.gauss(0, 1) ** 3) for _ in range(3)) for _ in range(300)]
+            points += [tuple(single(single(c / foot) * foot) for c in p) for p in points]  # most are the same, others a bit off
+            results = []
+            for order in (range(600), sorted(range(600), key=points.__getitem__), range(599, -1, -1)):
+                write_ply(self.path("in.ply"), [points[i] for i in order])
+                self.result("--method", "learned")
+                results.append(dict(zip(order, positions(self.path("out.ply")))))
+            self.assertEqual(results[0], results[1])
+            self.assertEqual(results[0], results[2])
 
     def test_files_that_hold_no_weights_are_refused_in_one_line(self):
         self.assertIn("this is no file of weights", self.refused("--method", "learned", "--weights", self.source))

@@ -22,7 +22,7 @@ class Mesh(Case):
 
     def test_faces_that_are_ignored_are_told_and_kept(self):
         says = self.ok("run", self.mesh, self.path("out.off")).stderr.decode()
-        self.assertIn(f"the {len(self.faces)} faces of the file are kept and not followed; --connectivity mesh", says)
+        self.assertIn(f"the {len(self.faces)} faces of the file are not followed; --connectivity mesh", says)
         said = self.ok("run", self.mesh, self.path("asked.off"), "--connectivity", "points").stderr.decode()
         self.assertNotIn("faces", said)
         self.assertEqual(self.path("out.off").read_bytes(), self.path("asked.off").read_bytes())

@@ -365,7 +365,7 @@ class Classes(Case):
         self.ok("run", strips, pcd, "--strength", 0, "--encoding", "ascii", "-q")
         self.fails(2, "run", pcd, self.path("o.pcd"), "--tiles", 2, "--encoding", "binary",
                    says="keeps the encoding of its file")
-        self.fails(2, "run", pcd, self.path("o.ply"), "--tiles", 2, says="is written in the format of its file")
+        self.fails(2, "run", pcd, self.path("o.ply"), "--tiles", 2, says="is written as PCD; name the output so")
         self.ok("run", strips, self.path("in.npy"), "--strength", 0, "-q")
         self.fails(2, "run", self.path("in.npy"), self.path("o.npy"), "--tiles", 2, "--outliers", "mark",
                    says="no further attributes in NPY files")

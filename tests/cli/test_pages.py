@@ -3,6 +3,7 @@
 import base64
 import datetime
 import hashlib
+import math
 import random
 import re
 import statistics
@@ -95,6 +96,9 @@ class Pages(Case):
         report = self.report("run", self.scan, self.out, "--force", "--box", "0,-9,-9,9,9,9")["unmoved"]
         self.assertEqual(held, report["held"])
         self.assertGreater(held, 1500)
+        said = self.ok("run", self.scan, self.out, "--force", "--report", self.html, "--box", "7,7,7,9,9,9").stderr.decode()
+        for text in (said, Page(self.html).text):
+            self.assertEqual(text.count("the limits, such as --where and --box, leave no point to denoise"), 1)
 
     def test_a_run_writes_the_page_of_its_result(self):
         self.ok("run", self.scan, self.out, "--report", self.html)
@@ -271,6 +275,32 @@ class Pages(Case):
             for name in ("noise", "radius", "similarity_sigma", "displacement_limit"):
                 self.assertRegex(rows[name][0][0], r"^auto \([0-9.]+ %s\)$" % unit)
             self.assertEqual(rows["delta"][0][0], "76.2 mm" if crs else "0.25 units")
+
+    def test_warnings_have_the_units_of_all_lengths(self):
+        points = [(x * 10, y * 10, z * 10) for x, y, z in ground(900)]
+        tile = write_las(self.path("in.las"), points, [2] * 900, scale=0.5, crs=FEET)
+        said = self.ok("run", tile, self.path("out.las"), "--report", self.html).stderr.decode()
+        text = Page(self.html).text
+        rounding = r"the steps of %s between stored coordinates are coarse against the noise of %s;"
+        noise = float(re.search(rounding % ("0.5", r"([0-9.]+)"), said)[1])
+        in_mm = re.search(rounding % ("152.4 mm", r"([0-9.]+) mm"), text)
+        self.assertAlmostEqual(float(in_mm[1]), 304.8 * noise, delta=0.1)
+        rng = random.Random(1)
+        write_las(tile, [[rng.uniform(0, 1000) for _ in range(3)] for _ in range(300)], [2] * 300, crs=FEET)
+        large = r"large against the cloud, whose diagonal is (\d+\.?\d*)"
+        self.ok("run", tile, self.path("out.las"), "--force", "-q", "--report", self.html)
+        in_metres = re.search(large + " m: its points", Page(self.html).text)[1]
+        self.assertAlmostEqual(float(in_metres), 0.3048 * math.sqrt(3) * 1000, delta=10)
+        self.ok("certify", tile, self.path("out.las"), "--force", "-q")
+        self.assertEqual(re.search(large + " m: its points", Page(self.path("out.html")).text)[1], in_metres)
+
+    def test_outliers_that_are_pulled_in_are_counted(self):
+        self.ok("run", self.scan, self.out, "--report", self.html, "--outliers", "move")
+        report = self.report("run", self.scan, self.out, "--force", "--outliers", "move")
+        self.assertGreater(report["outliers"]["off_surface"] + report["outliers"]["isolated"], 0)
+        table = Page(self.html).source.split("pulled in as outliers")[1]
+        for reason, start in (("isolated", "isolated: too few"), ("off_surface", "off the surface of")):
+            self.assertRegex(table, start + r"[^<]*<[^0-9]*%d " % report["outliers"][reason])
 
     def test_json_is_not_called_a_table(self):
         for words in (("run", self.scan, self.out), ("info", self.scan), ("run", self.scan, self.out, "--tiles", 2)):

@@ -49,6 +49,29 @@ class Survey(Case):
             self.ok("run", las, self.path("out.las"), "--force", "--strength", "0", *words)
             self.assertEqual(self.path("out.las").read_bytes(), las.read_bytes())
 
+    def test_clouds_in_feet_are_no_e57_files(self):
+        feet = write_las(self.path("feet.las"), ground(900), [2] * 900, crs=FEET)
+        degrees = write_las(self.path("degrees.las"), ground(900), [2] * 900, crs=DEGREES)
+        for source, unit, words in ((feet, "0.3048 m", []), (degrees, "a degree", ["--strength", 0])):
+            self.fails(2, "run", source, self.path("o.e57"), *words, says=["E57 files are in metres", unit])
+            self.assertFalse(self.path("o.e57").exists())
+        self.assertTrue(self.is_built_in("run", self.las, self.path("o.e57"), "-q"))
+
+    def test_a_table_of_files_has_their_units(self):
+        write_las(self.path("feet.las"), ground(900), [2] * 900, crs=FEET)
+        write_las(self.path("none.las"), ground(900), [2] * 900, crs=b"")
+        write_las(self.path("degrees.las"), ground(900), [2] * 900, crs=DEGREES)
+        rows = self.ok("info", self.folder).stdout.decode().splitlines()
+        units = {row.rsplit("/", 1)[-1]: row[46:56].strip() for row in rows[1:]}
+        self.assertEqual(rows[0][46:56].strip(), "unit")
+        self.assertEqual(units, {"degrees.las": "degrees", "feet.las": "0.3048 m", "none.las": "unknown", "tile.las": "1 m"})
+
+    def test_distances_between_feet_and_metres_are_refused(self):
+        feet = write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)
+        for words in (("compare", self.las, feet), ("certify", self.las, feet, "--report", self.path("r.html"))):
+            self.fails(2, *words, says=["tile.las", "feet.las", "the unit of one is 1 m and that of the other 0.3048 m"])
+        self.assertFalse(self.path("r.html").exists())
+
     def test_info_shows_bounds_with_the_digits_of_the_file(self):
         text = self.ok("info", self.las).stdout.decode()
         for axis, offset in enumerate((500000, 5400000, 100)):
@@ -159,8 +182,9 @@ class Survey(Case):
         self.assertIn("--las-scale", result.stderr.decode())
         self.ok("run", coarse, self.path("fine.las"), "--las-scale", "0.001")
         self.assertEqual(self.report("info", self.path("fine.las"))["file"]["step"], 0.001)
-        report = self.report("run", self.las, self.path("r.las"))
-        self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
+        for name in ("r.las", "r.laz", "r.copc.laz"):
+            report = self.report("run", self.las, self.path(name))
+            self.assertAlmostEqual(report["rounding"]["rms"], 0.000288675, places=8)
         self.assertNotIn("--las-scale", self.ok("run", self.las, self.path("quiet.las")).stderr.decode())
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0.003", says="divided by a whole number")
         self.fails(2, "run", coarse, self.path("out3.las"), "--las-scale", "0", says="divided by a whole number")

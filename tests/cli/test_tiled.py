@@ -293,9 +293,18 @@ class Tasks(Case):
         words = ["tile", "plan", source, "--out", self.path("out.ply"), "--work", self.path("work")]
         self.ok(*words)
         self.fails(2, *words, "--k", 8, says="other parameters")
+
+    def test_a_folder_of_another_version_or_build_is_refused_as_such(self):
+        source = self.plan()
         plan = self.path("work") / "plan.txt"
-        plan.write_text(plan.read_text().replace("pointfair-plan ", "pointfair-plan 9"))
-        self.fails(3, "tile", "run", self.path("work"), "--all", says="another version")
+        first, rest = plan.read_text().split("\n", 1)
+        before_files_had_a_number = " ".join(first.split()[:2])
+        for line in (first.replace("pointfair-plan ", "pointfair-plan 9"), before_files_had_a_number, first + "0"):
+            plan.write_text(line + "\n" + rest)
+            says = ("another version or build", "remove the work folder")
+            self.fails(3, "tile", "run", self.path("work"), "--all", says=says)
+            self.fails(3, "tile", "status", self.path("work"), says=says)
+            self.fails(3, "run", source, self.path("out.ply"), "--work", self.path("work"), "--tiles", 6, says=says)
 
     def test_an_output_that_appears_meanwhile_is_kept(self):
         self.plan()
@@ -365,7 +374,7 @@ class Refusals(Case):
         self.fails(2, "run", mesh, self.path("out.off"), "--tiles", 3, "--outliers", "mark", says="cannot be marked")
         self.fails(2, "run", source, out, "--tiles", 3, "--normals", "write", says="--normals write")
         self.fails(2, "run", source, out, "--tiles", 3, "--write-noise", says="--write-noise")
-        self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="format")
+        self.fails(2, "run", source, self.path("out.xyz"), "--tiles", 3, says="is written as PLY")
         self.fails(2, "run", source, "-", "--tiles", 3, says="standard output")
         self.fails(2, "run", source, out, "--memory", "much", says="--memory")
         self.fails(2, "run", source, out, "--memory", "1M", says="64M")

@@ -94,6 +94,26 @@ class Reports(Case):
             self.assertGreater(moved, 0)
             self.assertLessEqual(moved + kept, 4)
 
+    def test_outliers_that_are_pulled_in_are_counted(self):
+        points = list(ground(2500))
+        for i in random.Random(4).sample(range(2500), 25):
+            points[i] = (*points[i][:2], points[i][2] + 3)
+        source, words = write_ply(self.path("in.ply"), points), ["--outliers", "move"]
+        whole, cut = self.of_both(source, *words, suffix=".ply")
+        again = self.report("run", source, self.path("out.ply"), *words, "--iterations", 3, "--tiles", 2)
+        for report in (whole, cut, again):
+            self.assertIn(report["pulled"], range(22, 28))  # of 25
+            self.assertEqual(sum(report["outliers"].values()), report["pulled"])
+            self.assertEqual(report["outliers"], whole["outliers"])
+            self.assertEqual(report["unmoved"]["outliers"], 0)
+        for tiles in ([], ["--tiles", 3]):
+            text = self.ok("run", source, self.path("out.ply"), "--force", *words, *tiles).stderr.decode()
+            self.assertRegex(text, r"\n%d outliers pulled in: \d+ (isolated|off the surface)" % whole["pulled"])
+        self.assertEqual(self.report("run", source, self.path("out.ply"), "--force")["pulled"], 0)
+        rows = self.path("rows.csv")
+        self.ok("run", "--each", source, "--out-dir", self.path("out"), "--report", rows, *words)
+        self.assertIn(f",{whole['pulled']},", rows.read_text().splitlines()[1])
+
     def test_limits_that_select_nothing_are_said(self):
         points = list(ground(900))
         points[400] = (points[400][0], points[400][1], 9.0)  # an outlier, which is told as such
@@ -140,7 +160,7 @@ class Reports(Case):
         for name, head in (("in.ply", "comment TextureFile t.png\n"), ("in.obj", "mtllib m.mtl")):
             source = self.write_mesh(self.path(name), head)
             told = self.notes_of_both(source, self.path("out") / name)
-            self.assertIn("361 faces of the file are kept and not followed", told)
+            self.assertIn("361 faces of the file are not followed", told)
             self.assertIn("beside the input only lies what the result names: " + head.split()[-1], told)
             self.assertNotIn("not followed", self.notes_of_both(source, self.path("out") / name, "--connectivity", "points"))
             copied = self.ok("run", source, self.path("out") / name, "--force", "--strength", 0).stderr.decode()

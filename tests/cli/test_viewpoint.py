@@ -116,6 +116,21 @@ class Viewpoint(Case):
         self.assertNotIn(note, self.ok("run", self.cloud, self.path("c.ply")).stderr.decode())
         self.assertNotIn(note, self.ok("run", turned, self.path("d.pcd")).stderr.decode())
 
+    def test_grids_of_several_files_in_tiles_say_it_as_in_memory(self):
+        def notes(*inputs):
+            report = self.report("run", *inputs, "--out-dir", self.path("out"), "--force", "--outliers", "mark", "--k", 12)
+            return "\n".join(report["notes"]), report["outliers"]["mixed_pixels"]
+        self.path("out").mkdir()
+        image, turned = scan(is_camera=True)[0], self.points
+        two = [self.organised(f"{i}.pcd", [(x + 3 * i, y, z) for x, y, z in image]) for i in (2, 3)]
+        for inputs in (two, [two[0], self.organised("turned.pcd", turned)]):
+            said, mixed = notes(*inputs)
+            self.assertEqual(mixed, 0)
+            self.assertNotIn("the rays of the grid", said)
+            self.assertIn("the inputs do not say one place of the sensor for all points, so a run in tiles takes none", said)
+        said, mixed = notes(*[self.organised(f"{i}.pcd", [(x + 3 * i, y, z) for x, y, z in turned]) for i in (4, 5)])
+        self.assertEqual(said.count("its grid does not tell: --viewpoint x,y,z finds points between two surfaces"), 1)
+
     def test_the_distances_between_points_tell_it(self):
         def run(out, *words):
             return self.report("run", self.cloud, self.path(out), "--outliers", "mark", *words)

@@ -102,7 +102,9 @@ def test_distances_between_points_tell_where_the_sensor_stood():
     for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far)):
         report = pf.denoise(points, return_report=True)[1]
         assert np.linalg.norm(report.found_sensor - np.asarray(origin)) < 0.7
-        assert report.unmoved.outliers_by_reason.mixed_pixels == 60
+        assert report.unmoved.outliers_by_reason.mixed_pixels == 60 and report.pulled.mixed_pixels == 0
+        moved = pf.denoise(points, outliers="move", return_report=True)[1]
+        assert moved.pulled.mixed_pixels > 50 and moved.unmoved.outliers == 0
         for place in ((0, 0, 0) + np.asarray(origin), (np.nan, np.nan, np.nan)):
             told = pf.denoise(points, viewpoint=place, return_report=True)[1]
             assert told.found_sensor is None and (told.unmoved.outliers_by_reason.mixed_pixels == 60) == np.isfinite(place[0])

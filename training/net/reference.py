@@ -190,8 +190,19 @@ def point_features(scales, up, turned, back, noise):
     return np.stack(columns, 1)
 
 
+def first_at_place(measured, start):
+    """Of the rows that start where each does, the one that was measured first in the order of positions."""
+    order = np.lexsort(measured.T[::-1])
+    _, first, place = np.unique(start[order], axis=0, return_index=True, return_inverse=True)
+    result = np.empty(len(start), int)
+    result[order] = order[first][place.ravel()]
+    return result
+
+
 def refine(weights, measured, start, normal, noise, corner):
     measured, start, normal, noise = (np.ascontiguousarray(a, F) for a in (measured, start, normal, noise))
+    first = first_at_place(measured, start)
+    measured, normal, noise = measured[first], normal[first], noise[first]
     lists = lists_of(start, corner)
     classical = slid(start, normal, noise, lists[0])
     scales = [Edges(classical, normal, measured, noise, index).scale() for index in lists]

@@ -5,6 +5,7 @@
 #include "cuda/net/refiner.cuh"
 #include "cuda/net/slides.cuh"
 #include "cuda/search/search.cuh"
+#include "point/neighbors.h"
 #include "seam/stop.hpp"
 
 namespace pointfair::cuda {
@@ -12,6 +13,25 @@ namespace {
 
 constexpr int kBlock = 256;
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; of fewer no step is long
+
+// Of the points that the stages brought to one place, which lie side by side in the order of the input, the one that
+// was measured first in the order of positions.
+__device__ Index first_at_place(const Tree& tree, const Point* measured, Index at) {
+  const float4 here = tree.points[at];
+  const auto is_here = [&](float4 p) { return p.x == here.x && p.y == here.y && p.z == here.z; };
+  const auto measured_at = [&](Index original) {
+    const Point p = measured[original];
+    return point::Vec3<float>{p.x, p.y, p.z};
+  };
+  const Index end = tree.leaves * kLeafSize;
+  while (at > 0 && is_here(tree.points[at - 1])) --at;
+  Index first = original_of(tree.points[at]);
+  for (Index next = at + 1; next < end && is_here(tree.points[next]); ++next) {
+    const Index other = original_of(tree.points[next]);
+    if (point::lies_before(measured_at(other), measured_at(first))) first = other;
+  }
+  return first;
+}
 
 __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ Tree tree, RefinedCloud from,
                                                         float4* classical, float4* normal, float2* measured) {
@@ -24,7 +44,7 @@ __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ 
     measured[at] = {0, 0};
     return;
   }
-  const Index original = original_of(p);
+  const Index original = first_at_place(tree, from.measured, at);
   const Point m = from.measured[original], n = from.normals[original];
   classical[at] = {p.x, p.y, p.z, from.noise[original]};
   normal[at] = {n.x, n.y, n.z, m.x};
