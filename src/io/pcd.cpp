@@ -13,6 +13,7 @@
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
+#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
@@ -70,11 +71,13 @@ TableColumn coordinate_column(const std::vector<Position>& positions, std::size_
 
 // A PCD file whose points are lines of text or binary, as Base says.
 template <class Base>
-class PcdSource : public Base {
+class PcdSource : public PixelSource<Base> {
  public:
   template <class... Arguments>
   PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
-      : Base(std::forward<Arguments>(arguments)...), header_(std::move(header)), unpacked_(std::move(unpacked)) {}
+      : PixelSource<Base>(header.height > 1, std::forward<Arguments>(arguments)...),
+        header_(std::move(header)),
+        unpacked_(std::move(unpacked)) {}
 
   // The default says nothing: many programs write it where they do not know. The rays of a camera's image do.
   std::optional<Position> sensor(std::size_t) const override {
