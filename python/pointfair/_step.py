@@ -68,7 +68,7 @@ def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: 
     from_there = before[movable]
     to = from_there + strength * (after[movable] - from_there)
     result[movable] = np.where(to == from_there, from_there, to)  # -0.0 stays
-    out = array.copy()
+    out = array.copy("K")
     out[..., :3] = result.reshape(*layout.grid, 3)
     return out if layout.wrap is None else layout.wrap(out)
 

@@ -26,6 +26,12 @@ def test_a_laplacian_step_gives_what_the_method_gives(iterations):
     assert moved > 0.01 and np.abs(result - expected).max() < 1e-4 * moved
 
 
+def test_the_result_of_a_step_has_the_memory_order_of_the_points():
+    points = np.asfortranarray(np.column_stack([POINTS, POINTS[:, 0]]))
+    result = pf.denoise(points, step=laplacian)
+    assert result.flags.f_contiguous and same_bits(result, pf.denoise(np.ascontiguousarray(points), step=laplacian))
+
+
 def test_a_step_gets_neighbors_normals_and_noise():
     seen = []
 
