@@ -112,6 +112,8 @@ Table make_table(const Cloud& cloud) {
       *own = std::move(column);
     }
   }
+  for (TableColumn& column : table.columns)
+    if (column.name.empty()) column.name = "unnamed";  // NumPy, among others, takes what has no name for padding
   return table;
 }
 
