@@ -27,7 +27,11 @@ class PixelSource : public Base {
       if (is_image_ && position == Position{}) position.fill(std::numeric_limits<double>::quiet_NaN());
   }
   bool copy_points(std::size_t block, std::span<Point> out) const override {
-    return !is_image_ && Base::copy_points(block, out);
+    if (!Base::copy_points(block, out)) return false;
+    constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+    for (Point& point : out)
+      if (is_image_ && point.x == 0 && point.y == 0 && point.z == 0) point = {kNan, kNan, kNan};
+    return true;
   }
   void restore_empty_pixels(std::span<Position> all) const override {
     if (!is_image_) return;
