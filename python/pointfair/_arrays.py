@@ -40,8 +40,10 @@ def _no_array(value: Any, name: str) -> UsageError:
     for attribute, part in _PARTS.items() if holds_points else ():
         if hasattr(value, attribute):
             return UsageError(f"{name} is {kind_of(value)}: give its positions, {name}.{part}")
-    advice = "list(clouds)" if name == "clouds" else f"numpy.asarray({name}, {_MADE_OF.get(name, 'float')})"
-    return UsageError(f"{name} is {kind_of(value)}: give {'a list of arrays' if name == 'clouds' else 'an array'}, {advice} for instance")
+    advice = f"an array, numpy.asarray({name}, {_MADE_OF.get(name, 'float')})"
+    if name == "clouds":
+        advice = "a list of arrays, list(clouds)"
+    return UsageError(f"{name} is {kind_of(value)}: give {advice} for instance")
 
 
 def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:

@@ -56,7 +56,8 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         **parameters: fields of Params that differ from `params`.
 
     Returns:
-        What was given, with moved points; with return_report also a list of reports, without noise, spacing and the marks of outliers.
+        What was given, with moved points; with return_report also a list of reports, without noise, spacing and the marks
+        of outliers.
 
     Raises:
         UsageError: as denoise, with the number of the cloud.

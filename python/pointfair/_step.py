@@ -51,8 +51,8 @@ def _refuse_coarse(positions: NDArray[Any], in_float: NDArray[np.float32], neare
     apart = np.median(np.linalg.norm(positions[known] - positions[nearest[known]], axis=1))
     step = np.spacing(np.quantile(np.abs(in_float[known]).max(axis=1), 0.99).astype(np.float32))
     if 8 * step > apart > 0:
-        raise UsageError(f"points lie {apart:.3g} apart and so far from each other that 32-bit floats step by {step:.3g} there, "
-                         "which does not tell their neighbours: give parts of the cloud that are less wide")
+        raise UsageError(f"points lie {apart:.3g} apart and so far from each other that 32-bit floats step by {step:.3g}, which "
+                         "does not tell their neighbours: give parts of the cloud that are less wide")
 
 
 def refuse_with_step(**given: Any) -> None:
