@@ -103,7 +103,7 @@ class PcdSource : public PixelSource<Base> {
     if (header_.height <= 1) return result;
     result.grid_width = header_.width, result.grid_height = header_.height;
     if (told_sensor() || !camera()) return result;
-    result.rows.push_back({"sensor", listed_numbers(*camera(), 6) + ", where the rays of the grid meet"});
+    result.rows.push_back({"sensor", listed_numbers(place_to_show(), 6) + ", where the rays of the grid meet"});
     return result;
   }
 
@@ -148,6 +148,18 @@ class PcdSource : public PixelSource<Base> {
   }
 
  private:
+  // The camera's, with 0 for what is nothing against the distance of the points.
+  Position place_to_show() const {
+    Position place = *camera();
+    double farthest = 0;
+    for (const Position& p : this->some_positions())
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        if (std::isfinite(p[axis])) farthest = std::max(farthest, std::abs(p[axis] - place[axis]));
+    for (double& value : place)
+      if (std::abs(value) < 1e-6 * farthest) value = 0;
+    return place;
+  }
+
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
     return camera_;
