@@ -82,10 +82,12 @@ double written_step(const Cloud& cloud, const WriteOptions& options) {
   return keeps ? info.step : 0;
 }
 
+bool is_in_zones(const Report& report) { return !report.stages.empty() && report.stages[0].name == "zones"; }
+
 // Where a run was done in zones.
 std::string zones_note(const Cloud& cloud, const Report& report, const Estimates& estimates,
                        std::optional<double> metres_per_unit) {
-  if (report.stages.empty() || report.stages[0].name != "zones") return {};
+  if (!is_in_zones(report)) return {};
   return fmt::format(
       "the cloud is too wide and dense for floats around one origin, so it is computed in zones where floats step by "
       "{}{}",
@@ -137,6 +139,13 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   };
   findings.notes = notes({});
   if (const auto metres = file_info(before).metres_per_unit) findings.page_notes = notes(metres);
+}
+
+std::vector<std::string> notes_on_one_origin(const Report& report) {
+  if (!is_in_zones(report)) return {};
+  return {
+      "new normals and the noise of each point are computed around one origin all the same, where floats are too "
+      "coarse for this cloud, so they may be wrong: write them of parts of it that are less wide"};
 }
 
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {

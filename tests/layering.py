@@ -47,7 +47,7 @@ RULES = {
     "src/pipeline/": (["src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", PUBLIC], ()),
     "src/scale/": (["src/scale/", "src/pipeline/", "src/mesh/", "src/estimate/", "src/tiles/", "src/seam/", "src/point/", "src/io/", "src/options/", PUBLIC, PLATFORM, PORTABLE], ()),
     "src/facade/": (["src/facade/", "src/scale/", "src/pipeline/", "src/tiles/choice.hpp", "src/estimate/", "src/seam/", "src/io/", PUBLIC, PLATFORM], ()),
-    "src/depth/": ([PUBLIC], ("tbb/",)),
+    "src/depth/": ([PUBLIC, PLATFORM], ("tbb/",)),
     "src/orient/": (["src/orient/", PUBLIC, PORTABLE], ("tbb/",)),
     "src/io/": (["src/io/", *FILES, PLATFORM, PORTABLE], ("tbb/", "fast_float/", "las", "pugixml", "nlohmann/", "emmintrin.h")),
     "src/options/": (["src/options/", PUBLIC], ()),

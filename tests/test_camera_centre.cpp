@@ -125,7 +125,7 @@ TEST(CameraCentre, IsNotClaimedWhereNothingTells) {
 TEST(CameraCentre, IsTheViewpointOfAnOrganisedFileThatSaysNone) {
   std::mt19937 random(3);
   const Depths depths = boxes(random);
-  const auto file = [&](const std::string& viewpoint, int width, int height) {
+  const auto file = [&](const std::string& viewpoint, int width, int height, const Position& at = {10, -3, 0}) {
     std::string text = "VERSION .7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH " + std::to_string(width) +
                        "\nHEIGHT " + std::to_string(height) + "\nVIEWPOINT " + viewpoint + " 1 0 0 0\nPOINTS " +
                        std::to_string(kWidth * kHeight) + "\nDATA ascii\n";
@@ -135,8 +135,8 @@ TEST(CameraCentre, IsTheViewpointOfAnOrganisedFileThatSaysNone) {
         if (u == 7) {
           text += "nan nan nan\n";
         } else {
-          text +=
-              std::to_string(x * depth + 10) + " " + std::to_string(y * depth - 3) + " " + std::to_string(depth) + "\n";
+          text += std::to_string(x * depth + at[0]) + " " + std::to_string(y * depth + at[1]) + " " +
+                  std::to_string(depth) + "\n";
         }
       }
     }
@@ -151,6 +151,8 @@ TEST(CameraCentre, IsTheViewpointOfAnOrganisedFileThatSaysNone) {
     return std::ranges::any_of(file_info(its).rows, [](const auto& row) { return row.name == "sensor"; });
   };
   EXPECT_TRUE(says_sensor(cloud));
+  const FileInfo info = file_info(file("0 0 0", kWidth, kHeight, {}));  // in the camera's own coordinates
+  EXPECT_TRUE(std::ranges::any_of(info.rows, [](const auto& row) { return row.value.starts_with("0, 0, 0, where"); }));
   EXPECT_EQ(file_viewpoints(file("1 2 3", kWidth, kHeight)),
             (std::vector<Position>{{1, 2, 3}}));  // what it says counts
   EXPECT_FALSE(says_sensor(file("1 2 3", kWidth, kHeight)));

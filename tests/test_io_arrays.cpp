@@ -215,6 +215,18 @@ TEST(Npy, UntouchedFilesComeBackAndMovedPointsAreMoved) {
   }
 }
 
+TEST(Npy, EmptyPixelsOfAnImageAreInvalidAndKeepTheirBytes) {
+  const std::string rows = packed<float>({0, 0, 0, 1, 0, 2, 0, 1, 2, 1, 1, 2});
+  for (const char* shape : {"(2, 2, 3)", "(4, 3)"}) {
+    Cloud cloud = parse(npy("'<f4'", shape, rows), "a.npy");
+    EXPECT_EQ(std::isnan(cloud.points[0].x), shape[4] == '2') << shape;
+    EXPECT_FALSE(std::isnan(cloud.points[1].x));
+    cloud.points[1].z = 3;
+    EXPECT_NE(image(cloud, Format::npy).find(packed<float>({0, 0, 0, 1, 0, 3})), std::string::npos) << shape;
+    EXPECT_EQ(image(cloud, Format::xyz).substr(0, 6), "0 0 0\n") << shape;
+  }
+}
+
 TEST(Npy, OtherCloudsAndAddedAttributesBecomeRecords) {
   const std::string plain = image({.points = {{1.5F, 2, 3}, {4, 5, 6}}}, Format::npy);
   EXPECT_NE(plain.find("{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }"), std::string::npos);

@@ -62,6 +62,24 @@ TEST(FilesConvert, AttributesGoWhereverTheyHaveAPlace) {
 }
 
 // By their places, since there are no names.
+TEST(FilesConvert, AttributesWithoutANameOrWithThatOfPaddingAreNotLost) {
+  for (const char* name : {"", "_", " ", "\7"}) {
+    const Cloud cloud{.points = {{0, 0, 1}, {1, 0, 2}},
+                      .added = {make_attribute<std::int32_t>(name, ScalarType::int32, {7, -70000})}};
+    for (const Format format : {Format::ply, Format::pcd, Format::csv, Format::npy, Format::e57, Format::las}) {
+      SCOPED_TRACE(std::string("'") + name + "' in " + std::to_string(static_cast<int>(format)));
+      const Cloud there = parse(image(cloud, format), "a", format);
+      const std::vector<AttributeInfo> all = attributes(there);
+      EXPECT_TRUE(std::ranges::any_of(all, [&](const AttributeInfo& info) {
+        return info.type == ScalarType::int32 && values<std::int32_t>(there, info.name) == std::vector{7, -70000};
+      }));
+    }
+    Cloud copy = parse(image(Cloud{.points = cloud.points}, Format::pcd), "a.pcd");
+    copy.added = cloud.added;
+    EXPECT_EQ(attributes(parse(image(copy, Format::pcd), "a.pcd")).size(), 1U) << name;
+  }
+}
+
 TEST(FilesConvert, IntensityStandsBeforeColoursInPts) {
   for (const std::string names : {"red,green,blue,intensity", "Intensity,blue,red,green", "green,red,intensity,blue",
                                   "red,q,green,blue", "blue,green,red"}) {

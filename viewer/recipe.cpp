@@ -141,6 +141,7 @@ Json describe_params() {
                     {"min", info.min},
                     {"max", info.max},
                     {"automatic", info.automatic},
+                    {"in_radii", info.in_radii},
                     {"values", words_json(info.values)},
                     {"default", param_text(defaults, info)},
                     {"help", info.help},

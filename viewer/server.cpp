@@ -124,8 +124,9 @@ void Server::listen() {
     acceptor_.bind(tcp::endpoint(endpoint.address(), 0), error);
   if (!error) acceptor_.listen(net::socket_base::max_listen_connections, error);
   if (error)
-    throw Error(ErrorKind::failed, fmt::format("cannot listen on {} port {}: {}; choose another --port", options_.host,
-                                               options_.port, error.message()));
+    throw Error(ErrorKind::failed,
+                fmt::format("cannot listen on {} port {}: {}; choose another --{}", options_.host, options_.port,
+                            error.message(), error == boost::system::errc::address_not_available ? "host" : "port"));
   const net::ip::address address = endpoint.address();
   if (!address.is_loopback() || options_.token) gate_.token = make_token();
   if (address.is_unspecified()) return;  // any name may lead here: the token decides

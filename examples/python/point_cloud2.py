@@ -50,14 +50,16 @@ def _coordinates(message: Message, data: Any) -> list[NDArray[Any]]:
 
 
 def positions(message: Message) -> NDArray[Any]:
-    """The positions, (height * width, 3), in the type of the fields; NaN where the sensor saw nothing."""
-    return np.stack([view.reshape(-1) for view in _coordinates(message, message.data)], axis=1)
+    """The positions in the type of the fields: (N, 3), or of an organised cloud (height, width, 3), whose pixels are NaN or
+    (0, 0, 0) where the sensor saw nothing."""
+    points = np.stack(_coordinates(message, message.data), axis=-1)
+    return points if message.height > 1 else points.reshape(-1, 3)
 
 
 def with_positions(message: Message, moved: NDArray[Any]) -> array[int]:
     """A copy of the message's bytes with these positions; all else stays. rclpy takes an array as it is, and looks at each
     byte of anything else."""
     data = array("B", message.data)
-    for view, values in zip(_coordinates(message, data), moved.T):
-        view[...] = values.reshape(view.shape)
+    for axis, view in enumerate(_coordinates(message, data)):
+        view[...] = moved[..., axis].reshape(view.shape)
     return data

@@ -15,6 +15,9 @@ void bind_clouds(nanobind::module_& module);
 void bind_pipelines(nanobind::module_& module);
 void bind_functions(nanobind::module_& module);
 
+/// Messages name flags as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
+std::string in_python(std::string message);
+
 /// As Python's types have them.
 using Row = nanobind::typed<nanobind::tuple, nanobind::any, nanobind::ellipsis>;
 using Rows = nanobind::typed<nanobind::list, Row>;

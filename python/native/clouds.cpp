@@ -66,8 +66,10 @@ std::vector<std::string> write_file(const Cloud& cloud, nb::bytes path, const st
   const std::filesystem::path file(path_of(path));
   nb::gil_scoped_release release;
   write(file, cloud, options);
-  return losses(cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format),
-                options.encoding);
+  std::vector<std::string> notes = losses(
+      cloud, options.format ? *options.format : format_to_write(file, file_info(cloud).format), options.encoding);
+  std::ranges::transform(notes, notes.begin(), in_python);
+  return notes;
 }
 
 nb::bytes write_memory(const Cloud& cloud, const std::string& format, const std::optional<std::string>& encoding) {

@@ -26,7 +26,6 @@ const char* class_name(ErrorKind kind) {
   }
 }
 
-// Messages name flags as the command line does, "--similarity-sigma"; in Python it is "similarity_sigma".
 void rename_flag(std::string& message, const std::string& flag, std::string_view name) {
   for (std::size_t at = 0; (at = message.find(flag, at)) != std::string::npos;) {
     const std::size_t end = at + flag.size();
@@ -34,14 +33,6 @@ void rename_flag(std::string& message, const std::string& flag, std::string_view
     if (whole) message.replace(at, flag.size(), name);
     at += whole ? name.size() : flag.size();
   }
-}
-
-std::string in_python(std::string message) {
-  for (const ParamInfo& info : kParams) rename_flag(message, flag_of(info.name), info.name);
-  for (const std::string_view name : kLimitNames) rename_flag(message, flag_of(name), name);
-  for (const std::string_view name : {"viewpoint", "columns", "skip"}) rename_flag(message, flag_of(name), name);
-  rename_flag(message, "--in-format", "format");
-  return message;
 }
 
 void raise(const char* name, const std::string& message) {
@@ -63,6 +54,15 @@ void translate(const std::exception_ptr& exception, void*) {
 }
 
 }  // namespace
+
+std::string in_python(std::string message) {
+  for (const ParamInfo& info : kParams) rename_flag(message, flag_of(info.name), info.name);
+  for (const std::string_view name : kLimitNames) rename_flag(message, flag_of(name), name);
+  for (const std::string_view name : {"viewpoint", "columns", "skip", "strict", "encoding", "device"})
+    rename_flag(message, flag_of(name), name);
+  rename_flag(message, "--in-format", "format");
+  return message;
+}
 
 }  // namespace pointfair::python
 

@@ -176,6 +176,7 @@ std::vector<std::string> notes(SharedPipeline& self, const Params& asked, const 
     result = notes_on_run(asked, found, arrays.report(), {moves[0], moves[1], moves[2], moves[3]},
                           arrays.stored_float_step(found));
   });
+  std::ranges::transform(result, result.begin(), in_python);
   return result;
 }
 

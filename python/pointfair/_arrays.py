@@ -34,12 +34,16 @@ _PARTS = {"xyz": "xyz", "points": "points", "vertices": "vertices", "point": "po
 
 
 def _no_array(value: Any, name: str) -> UsageError:
-    if isinstance(value, (str, bytes, os.PathLike)) and name in ("points", "xyz"):
+    holds_points = name in ("points", "xyz", "a", "b") or name.startswith("clouds")
+    if isinstance(value, (str, bytes, os.PathLike)) and holds_points:
         return UsageError(f"{name} is {kind_of(value)}: give an array; of a file, pointfair.read(path) is a Cloud")
-    for attribute, part in _PARTS.items() if name in ("points", "xyz") else ():
+    for attribute, part in _PARTS.items() if holds_points else ():
         if hasattr(value, attribute):
             return UsageError(f"{name} is {kind_of(value)}: give its positions, {name}.{part}")
-    return UsageError(f"{name} is {kind_of(value)}: give an array, numpy.asarray({name}, {_MADE_OF.get(name, 'float')}) for instance")
+    advice = f"an array, numpy.asarray({name}, {_MADE_OF.get(name, 'float')})"
+    if name == "clouds":
+        advice = "a list of arrays, list(clouds)"
+    return UsageError(f"{name} is {kind_of(value)}: give {advice} for instance")
 
 
 def as_numpy(points: Any, name: str = "points") -> np.ndarray[Any, Any]:

@@ -56,7 +56,8 @@ def denoise_batch(clouds: Any, params: Params | None = None, *, offsets: Any = N
         **parameters: fields of Params that differ from `params`.
 
     Returns:
-        What was given, with moved points; with return_report also a list of reports, without noise and spacing.
+        What was given, with moved points; with return_report also a list of reports, without noise, spacing and the marks
+        of outliers.
 
     Raises:
         UsageError: as denoise, with the number of the cloud.
@@ -144,9 +145,9 @@ class _Batch:
         return result.finish()
 
     def _list(self, clouds: Sequence[Any], show: Any) -> list[Any]:
-        arrays = [as_numpy(cloud, f"cloud {i}") for i, cloud in enumerate(clouds)]
+        arrays = [as_numpy(cloud, f"clouds[{i}]") for i, cloud in enumerate(clouds)]
         for i, array in enumerate(arrays):
-            check_positions(array, f"cloud {i}")
+            check_positions(array, f"clouds[{i}]")
         results: list[Any] = [None] * len(arrays)
         reports: list[Any] = [None] * len(arrays)
         for kind in sorted({array.dtype.itemsize for array in arrays}):

@@ -6,7 +6,9 @@ import dataclasses
 import os
 from typing import Any
 
+from ._arrays import as_numpy, check_positions
 from ._cloud import Cloud
+from ._cloud import _path as path_bytes
 from ._errors import Error, FileError, UsageError
 from ._program import program_path
 from ._values import as_threads
@@ -91,7 +93,10 @@ def compare(a: Any, b: Any, *, as_cloud: bool = False, edges: float | None = Non
     if done.returncode != 0:
         message = done.stderr.strip().splitlines()[-1:] or ["no reason given"]
         kind = {2: UsageError, 3: FileError}.get(done.returncode, Error)
-        raise kind(_in_python(message[0].removeprefix("pointfair: ").removeprefix("error: ")))
+        said = message[0].removeprefix("pointfair: ").removeprefix("error: ")
+        for name in ("a", "b"):
+            said = said.replace(os.path.join(folder, f"{name}.ply"), name)
+        raise kind(_in_python(said))
     found = json.loads(done.stdout)
     if (faces := found["faces"]) is not None:
         back = faces.pop("back")
@@ -109,7 +114,10 @@ def _in_python(message: str) -> str:
 
 def _path(points: Any, folder: str, name: str) -> str:
     if isinstance(points, (str, os.PathLike)):
-        return os.fspath(points)
+        path = os.fsdecode(path_bytes(points))
+        return os.path.join(os.curdir, path) if path.startswith("-") else path  # no flag, and no standard input
+    if not isinstance(points, Cloud):
+        check_positions(as_numpy(points, name), name)
     cloud = points if isinstance(points, Cloud) else Cloud(points)
     if len(cloud) == 0:
         raise UsageError(f"{name} has no points: there is nothing to compare")

@@ -190,7 +190,8 @@ class Pipeline(Generic[Points]):
         """The unit normals of the last run's last iteration, (N, 3), zero where there is none. They look towards the
         sensor where its place is known, and have arbitrary signs elsewhere and on a card. `out`, an array on the
         pipeline's card, takes them without a copy through the host. Raises UsageError if the last run failed or if a
-        cloud was loaded since."""
+        cloud was loaded since. Of a cloud that is too wide for floats around one origin, which runs in zones, they are
+        coarse, and so is `noise()`."""
         if out is not None:
             if type(out) is np.ndarray or not _card.is_on_card(out):
                 raise UsageError("out takes an array on the pipeline's card: leave it out for one in host memory")

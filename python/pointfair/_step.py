@@ -24,7 +24,8 @@ _NEIGHBORS = 24  # where k is "auto"
 
 def nearest_neighbors(points: Any, k: int) -> NDArray[np.int64]:
     """The `k` nearest other points of each point, (N, k) row numbers, nearest first; -1 where there are fewer. A point
-    that is not finite has no neighbours and is nobody's. O(N log N).
+    that is not finite has no neighbours and is nobody's. Raises UsageError where float64 points are too far from each
+    other for 32-bit floats around their middle. O(N log N).
 
     Examples:
         >>> nearest_neighbors(np.array([[0.0, 0, 0], [1, 0, 0], [3, 0, 0]]), 2).tolist()
@@ -35,8 +36,23 @@ def nearest_neighbors(points: Any, k: int) -> NDArray[np.int64]:
     if isinstance(k, (bool, np.bool_)) or not isinstance(k, (int, np.integer)) or not 1 <= k <= 512:
         raise UsageError(f"k cannot be {k!r}: give a whole number from 1 to 512")
     found = np.empty((len(array), int(k)), np.int64)
-    _native.nearest_neighbors(_in_float(rows(array)), found)
+    positions = rows(array)
+    in_float = _in_float(positions)
+    _native.nearest_neighbors(in_float, found)
+    _refuse_coarse(positions, in_float, found[:, 0])
     return found
+
+
+def _refuse_coarse(positions: NDArray[Any], in_float: NDArray[np.float32], nearest: NDArray[np.int64]) -> None:
+    """Raises UsageError where doubles lie so far from their middle that floats do not tell them apart; a few may."""
+    if in_float is positions or not (nearest >= 0).any():
+        return
+    known = nearest >= 0
+    apart = np.median(np.linalg.norm(positions[known] - positions[nearest[known]], axis=1))
+    step = np.spacing(np.quantile(np.abs(in_float[known]).max(axis=1), 0.99).astype(np.float32))
+    if 8 * step > apart > 0:
+        raise UsageError(f"points lie {apart:.3g} apart and so far from each other that 32-bit floats step by {step:.3g}, which "
+                         "does not tell their neighbours: give parts of the cloud that are less wide")
 
 
 def refuse_with_step(**given: Any) -> None:
@@ -68,7 +84,7 @@ def denoise_by_step(points: Any, step: Step, params: Params, *, mask: Any, box: 
     from_there = before[movable]
     to = from_there + strength * (after[movable] - from_there)
     result[movable] = np.where(to == from_there, from_there, to)  # -0.0 stays
-    out = array.copy()
+    out = array.copy("K")
     out[..., :3] = result.reshape(*layout.grid, 3)
     return out if layout.wrap is None else layout.wrap(out)
 
@@ -105,10 +121,10 @@ def _iterate(points: NDArray[np.float64], step: Step, params: Params, device: st
 
 
 def _in_float(points: NDArray[Any]) -> NDArray[np.float32]:
-    """Positions around the middle of the finite ones, which floats hold with most digits."""
+    """Positions around the median of the finite ones, which floats hold with most digits."""
     if points.dtype.itemsize == 4:
         return points
     finite = points[np.isfinite(points).all(axis=1)]
     with np.errstate(over="ignore"):
-        around: NDArray[np.float32] = (points - (finite.mean(axis=0) if len(finite) else 0)).astype(np.float32)
+        around: NDArray[np.float32] = (points - (np.median(finite, axis=0) if len(finite) else 0)).astype(np.float32)
     return around

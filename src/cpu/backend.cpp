@@ -2,7 +2,6 @@
 // The CPU backend: the seam's calls over two chains, on its own number of threads.
 #include "seam/backend.hpp"
 
-#include <tbb/global_control.h>
 #include <tbb/task_arena.h>
 
 #include <algorithm>
@@ -16,6 +15,7 @@
 #include "cpu/chain.h"
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
+#include "platform/many_threads.hpp"
 #include "platform/processor.hpp"
 #include "point/outliers.h"
 #include "seam/cloud_sample.hpp"
@@ -40,9 +40,9 @@ void prefetch(std::span<Point> points, std::span<const Index> originals, std::si
 class CpuBackend final : public Backend, public Sampling, public Exactness {
  public:
   explicit CpuBackend(unsigned threads)
-      : threads_(threads == 0 ? available_threads() : threads),
-        allow_(tbb::global_control::max_allowed_parallelism, std::max(threads_, available_threads())),
-        arena_(int(threads_)) {}
+      : threads_(threads == 0 ? available_threads() : threads), arena_(int(threads_)) {
+    platform::allow_many_threads();
+  }
 
   DeviceInfo device() const override {
     return {Device::cpu,
@@ -320,7 +320,6 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
 
   unsigned threads_;
-  tbb::global_control allow_;  // more threads than cores, when asked for
   tbb::task_arena arena_;
   const Kernels& kernels_ = best_kernels();
   MemoryMeter meter_;

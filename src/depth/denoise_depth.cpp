@@ -1,6 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <tbb/blocked_range.h>
-#include <tbb/global_control.h>
 #include <tbb/parallel_for.h>
 #include <tbb/task_arena.h>
 
@@ -8,11 +7,10 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <string>
-#include <thread>
 #include <vector>
 
+#include "platform/many_threads.hpp"
 #include "pointfair/cloud.hpp"
 #include "pointfair/depth.hpp"
 
@@ -153,10 +151,7 @@ void denoise_depth(std::span<const float> depth, std::size_t width, std::span<fl
     throw Error(ErrorKind::usage, "out has " + std::to_string(out.size()) + " pixels, depth " +
                                       std::to_string(depth.size()) + ": they must agree");
   if (depth.empty()) return;
-  std::optional<tbb::global_control> allow;  // more threads than cores, when asked for
-  if (threads > 0)
-    allow.emplace(tbb::global_control::max_allowed_parallelism,
-                  std::max<std::size_t>(threads, std::thread::hardware_concurrency()));
+  platform::allow_many_threads();
   tbb::task_arena arena(threads == 0 ? tbb::task_arena::automatic : int(threads));
   arena.execute([&] { denoise_image(depth, width, out, stop); });
 }

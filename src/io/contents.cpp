@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <span>
 
 #include "io/colors.hpp"
@@ -13,6 +14,7 @@
 #include "io/formats.hpp"
 #include "io/intensity.hpp"
 #include "io/source.hpp"
+#include "io/table.hpp"
 #include "pointfair/normals.hpp"
 
 namespace pointfair::io {
@@ -116,7 +118,8 @@ std::string counted(std::uint64_t count, const std::string& what) {
 std::vector<Content> contents_of(const Cloud& cloud) {
   std::vector<Content> result;
   Attributes(cloud).tell(result);
-  if (!std::ranges::all_of(cloud.points, is_finite))
+  const auto is_valid = [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); };
+  if (!std::ranges::all_of(cloud.points, is_finite) && !std::ranges::all_of(written_positions(cloud), is_valid))
     result.push_back({ContentKind::invalid_points, "points without finite coordinates"});
   if (!cloud.source) return result;
   const FaceSummary faces = cloud.source->face_summary();

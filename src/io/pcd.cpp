@@ -13,6 +13,7 @@
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
+#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
 #include "io/text_source.hpp"
 
@@ -70,11 +71,13 @@ TableColumn coordinate_column(const std::vector<Position>& positions, std::size_
 
 // A PCD file whose points are lines of text or binary, as Base says.
 template <class Base>
-class PcdSource : public Base {
+class PcdSource : public PixelSource<Base> {
  public:
   template <class... Arguments>
   PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
-      : Base(std::forward<Arguments>(arguments)...), header_(std::move(header)), unpacked_(std::move(unpacked)) {}
+      : PixelSource<Base>(header.height > 1, std::forward<Arguments>(arguments)...),
+        header_(std::move(header)),
+        unpacked_(std::move(unpacked)) {}
 
   // The default says nothing: many programs write it where they do not know. The rays of a camera's image do.
   std::optional<Position> sensor(std::size_t) const override {
@@ -100,7 +103,7 @@ class PcdSource : public Base {
     if (header_.height <= 1) return result;
     result.grid_width = header_.width, result.grid_height = header_.height;
     if (told_sensor() || !camera()) return result;
-    result.rows.push_back({"sensor", listed_numbers(*camera(), 6) + ", where the rays of the grid meet"});
+    result.rows.push_back({"sensor", listed_numbers(place_to_show(), 6) + ", where the rays of the grid meet"});
     return result;
   }
 
@@ -145,6 +148,18 @@ class PcdSource : public Base {
   }
 
  private:
+  // The camera's, with 0 for what is nothing against the distance of the points.
+  Position place_to_show() const {
+    Position place = *camera();
+    double farthest = 0;
+    for (const Position& p : this->some_positions())
+      for (std::size_t axis = 0; axis < 3; ++axis)
+        if (std::isfinite(p[axis])) farthest = std::max(farthest, std::abs(p[axis] - place[axis]));
+    for (double& value : place)
+      if (std::abs(value) < 1e-6 * farthest) value = 0;
+    return place;
+  }
+
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
     return camera_;

@@ -190,7 +190,8 @@ struct FieldLines {
 
   explicit FieldLines(const std::vector<Column>& fields) {
     for (const Column& field : fields) {
-      append(names, one_word(field.name));
+      const std::string word = one_word(field.name);
+      append(names, word == "_" ? "unnamed" : word);  // a field called so is padding
       append(sizes, std::to_string(size_of(field.type)));
       append(types, std::string(1, letter_of(field.type)));
       append(counts, std::to_string(field.components));

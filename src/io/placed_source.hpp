@@ -20,6 +20,9 @@ class PlacedSource final : public Source {
   std::size_t block_count() const override;
   std::uint64_t block_begin(std::size_t block) const override;
   void positions(std::size_t block, std::span<Position> out) const override;
+  void restore_empty_pixels(std::span<Position> all) const override {
+    if (file_) file_->restore_empty_pixels(all);
+  }
   ScalarType coordinate_type() const override { return type_; }
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;

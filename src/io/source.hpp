@@ -87,6 +87,8 @@ class Source {
   virtual void positions(std::size_t block, std::span<Position> out) const = 0;
   /// A shortcut: the same as points relative to 0. False: the file does not hold them in this form.
   virtual bool copy_points(std::size_t, std::span<Point>) const { return false; }
+  /// Puts (0, 0, 0) back where the file has it for NaN of positions(): for other files.
+  virtual void restore_empty_pixels(std::span<Position>) const {}
   /// The type that holds the file's coordinates without loss.
   virtual ScalarType coordinate_type() const = 0;
   /// Whether the file holds coordinates as 32-bit floats, which are coarse far from 0.

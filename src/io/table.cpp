@@ -85,11 +85,17 @@ TableColumn zero_column(Column column, std::size_t rows) {
   return result;
 }
 
+std::vector<Position> written_positions(const Cloud& cloud) {
+  std::vector<Position> result(cloud.points.size());
+  positions(cloud, result);
+  if (cloud.source) cloud.source->restore_empty_pixels(result);
+  return result;
+}
+
 Table make_table(const Cloud& cloud) {
   Table table;
-  table.positions.resize(cloud.points.size());
   table.coordinate_type = position_type(cloud);
-  positions(cloud, table.positions);
+  table.positions = written_positions(cloud);
   if (cloud.source) {
     for (const Column& its : cloud.source->columns()) table.columns.push_back(zero_column(its, table.size()));
     std::vector<std::span<char>> places;
@@ -106,6 +112,8 @@ Table make_table(const Cloud& cloud) {
       *own = std::move(column);
     }
   }
+  for (TableColumn& column : table.columns)
+    if (column.name.empty()) column.name = "unnamed";  // NumPy, among others, takes what has no name for padding
   return table;
 }
 

@@ -49,6 +49,9 @@ struct Table {
   std::vector<const TableColumn*> find_all(std::span<const std::string_view> names) const;
 };
 
+/// As another file gets them: (0, 0, 0) where an image of points has it, which is not finite for a run.
+std::vector<Position> written_positions(const Cloud& cloud);
+
 /// Everything in the cloud that is numbers, under the names that its file uses.
 Table make_table(const Cloud& cloud);
 

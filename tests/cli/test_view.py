@@ -312,6 +312,7 @@ class View(Case):
         taken = str(urlsplit(self.url).port)
         self.fails(1, "view", self.cloud, "--no-open", "--port", taken, says="choose another --port")
         self.fails(1, "view", self.cloud, "--no-open", "--host", "no.such.host.invalid", says="--host")
+        self.fails(1, "view", self.cloud, "--no-open", "--host", "192.0.2.1", says="choose another --host")  # of no machine
         self.fails(3, "view", self.cloud, "--no-open", "--save-folder", self.path("none"), says="--save-folder")
 
 

@@ -154,8 +154,10 @@ class Zones(Case):
         for words in (["--write-noise"], ["--write-displacement"]):
             result = self.ok("run", self.wide, self.path("more.las"), "--force", "--k", 8, *words)
             self.assertIn("in zones where", result.stderr.decode())
+            self.assertEqual("around one origin all the same" in result.stderr.decode(), "--write-noise" in words)
             self.assertEqual(las_grid(self.path("more.las")), las_grid(self.path("alone.las")))
-        self.ok("run", self.wide, self.path("normals.ply"), "--k", 8, "--normals", "write", "-q")
+        result = self.ok("run", self.wide, self.path("normals.ply"), "--k", 8, "--normals", "write")
+        self.assertIn("around one origin all the same", result.stderr.decode())
 
     def test_what_follows_no_zones_is_done_around_one_origin(self):
         result = self.ok("run", self.wide, self.path("out.las"), "--method", "learned")

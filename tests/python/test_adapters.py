@@ -58,13 +58,16 @@ def test_a_point_cloud_2_message(order, kind, datatype, padding):
         image[axis] = column.reshape(40, 50)
     image["rgb"] = np.arange(2000).reshape(40, 50)
     image["x"][3, 4] = np.nan
+    for axis in "xyz":
+        image[axis][5, 6] = 0  # as lidars and some cameras say that they saw nothing
     data = b"".join(row.tobytes() + b"\xaa" * padding for row in image)
     message = types.SimpleNamespace(height=40, width=50, is_bigendian=order == ">", point_step=32, row_step=50 * 32 + padding, data=data,
                                     fields=[Field(name, layout.fields[name][1], datatype if name in "xyz" else 6) for name in layout.names])
     xyz = point_cloud2.positions(message)
-    expected = np.stack([image[axis].reshape(-1) for axis in "xyz"], 1)
+    expected = np.stack([image[axis] for axis in "xyz"], -1)
     assert same_bits(xyz, expected)
-    moved = pf.denoise(xyz, k=10)
+    moved, report = pf.denoise(xyz, k=10, return_report=True)
+    assert report.unmoved.non_finite == 2 and same_bits(moved[5, 6], xyz[5, 6])
     changed = point_cloud2.with_positions(message, moved)
     assert isinstance(changed, array) and changed.typecode == "B", "else rclpy looks at each byte"
     changed = changed.tobytes()

@@ -383,6 +383,20 @@ def test_what_belongs_to_arrays_is_refused_for_clouds():
         cloud.denoise(return_report=True)
 
 
+def test_messages_name_arguments_and_no_flags(tmp_path):
+    cloud = pf.Cloud(waves(500) + (5e5, 5e6, 0), {"class": np.zeros(500, np.uint8)})
+    with pytest.raises(pf.FileError, match="leave out strict$"):
+        cloud.write(tmp_path / "a.obj", strict=True)
+    (tmp_path / "far.off").write_text("OFF\n3 1 0\n500000.001 0 0\n500001.002 0 0\n500000.003 1 0\n3 0 1 2\n")
+    with pytest.warns(UserWarning, match="; encoding ascii keeps them$"):
+        pf.read(tmp_path / "far.off").write(tmp_path / "a.stl")
+    sparse = np.c_[1000 * np.random.default_rng(1).random((3000, 2)), np.random.default_rng(2).normal(0, 0.02, 3000)]
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(sparse)
+    notes = pipeline.notes(np.linalg.norm(pipeline.run() - sparse, axis=1))
+    assert any("noise gives the noise" in note for note in notes) and not any("--" in note for note in notes), notes
+
+
 def test_compare_measures_what_geometry_says(tmp_path):
     flat = np.c_[np.random.default_rng(1).random((2000, 2)), np.zeros(2000)]
     (tmp_path / "square.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
@@ -398,3 +412,12 @@ def test_compare_measures_what_geometry_says(tmp_path):
         pf.compare(flat, flat, threads=1.0)
     with pytest.raises(pf.UsageError, match="^b has no points"):
         pf.compare(flat, flat[:0])
+    with pytest.raises(pf.FileError, match="^b: has no finite point"):
+        pf.compare(flat, np.full((5, 3), np.nan))
+    with pytest.raises(pf.UsageError, match="^b is a list: give an array, numpy.asarray"):
+        pf.compare(flat, [1])
+    for no_flag in ("--help", "-", "-o"):
+        with pytest.raises(pf.FileError, match=f"^./{no_flag}: cannot open"):
+            pf.compare(no_flag, flat)
+    with pytest.raises(pf.UsageError, match="has a zero in it"):
+        pf.compare("a\0.ply", flat)

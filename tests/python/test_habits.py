@@ -200,6 +200,7 @@ def test_a_forked_process_works_or_says_why_not():
 
 
 def test_nothing_is_printed():
-    code = "import numpy as np, pointfair as pf\nr = np.random.default_rng(1)\npf.denoise(r.random((3000, 3)))\np = pf.Pipeline(); p.load(r.random((9, 3)))"
+    code = ("import numpy as np, os, pointfair as pf\nr = np.random.default_rng(1)\npf.denoise(r.random((3000, 3)))\np = pf.Pipeline(); p.load(r.random((9, 3)))\n"
+            "many = os.cpu_count() + 1\npf.denoise(r.random((3000, 3)), threads=many)\npf.denoise_depth(r.random((90, 90)), threads=many + 1)")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -321,7 +321,8 @@ def test_batches_of_one_array():
     (np.zeros((5, 3)), {"offsets": [0.0, 5.0]}, pf.UsageError, "whole numbers"),
     (np.zeros((5, 3)), {"offsets": []}, pf.UsageError, "whole numbers"),
     (np.zeros((5, 3)), {"offsets": [[0, 1], [2]]}, pf.UsageError, "whole numbers"),
-    ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, "cloud 1"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, "cloud 1"),
+    ([np.zeros((5, 3)), np.zeros((5, 2))], {}, pf.UsageError, r"clouds\[1\] has"), ([np.zeros((5, 3)), 7], {}, pf.UsageError, r"clouds\[1\] is an int"),
+    ([pf.Cloud(np.zeros((5, 3)))], {}, pf.UsageError, r"clouds\[0\]\.xyz"), ((np.zeros((5, 3)) for _ in range(2)), {}, pf.UsageError, r"list\(clouds\)"),
     ([np.zeros((5, 3))], {"offsets": [0, 5]}, pf.UsageError, "leave them out"),
     ([np.zeros((5, 3))], {"device": "cuda:99"}, pf.DeviceError, "CUDA"),
 ])

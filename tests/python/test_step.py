@@ -26,6 +26,12 @@ def test_a_laplacian_step_gives_what_the_method_gives(iterations):
     assert moved > 0.01 and np.abs(result - expected).max() < 1e-4 * moved
 
 
+def test_the_result_of_a_step_has_the_memory_order_of_the_points():
+    points = np.asfortranarray(np.column_stack([POINTS, POINTS[:, 0]]))
+    result = pf.denoise(points, step=laplacian)
+    assert result.flags.f_contiguous and same_bits(result, pf.denoise(np.ascontiguousarray(points), step=laplacian))
+
+
 def test_a_step_gets_neighbors_normals_and_noise():
     seen = []
 
@@ -128,6 +134,17 @@ def test_a_step_leaves_nothing_unread_that_a_pipeline_was_given():
 @pytest.mark.parametrize("count", [0, 1, 3, 4])
 def test_few_points(count):
     assert pf.denoise(POINTS[:count], step=lambda points, *more: points + 1).shape == (count, 3)
+
+
+def test_neighbors_of_points_far_from_each_other_are_right_or_refused():
+    one_far = np.r_[POINTS, [[1e9, 0, 0]]]
+    assert (pf.nearest_neighbors(one_far, 8)[:2000] == pf.nearest_neighbors(POINTS, 8)).all()
+    halves = np.r_[POINTS, POINTS + (3e6, 0, 0)]
+    for call in (lambda: pf.nearest_neighbors(halves, 8), lambda: pf.denoise(halves, step=laplacian)):
+        with pytest.raises(pf.UsageError, match="does not tell their neighbours"):
+            call()
+    grid = np.stack(np.meshgrid(*[np.arange(10) * 1e6] * 3), -1).reshape(-1, 3)  # wide, and as sparse
+    assert (np.linalg.norm(grid[pf.nearest_neighbors(grid, 3)] - grid[:, None], axis=2) == 1e6).all()
 
 
 def test_nearest_neighbors_of_points_that_are_not_finite():

@@ -130,6 +130,23 @@ test("labels are whole, also of parameters that are seldom needed", async (t) =>
   }
 });
 
+test("a length is offered in the units that its parameter takes, and one that is refused leaves its unit", async (t) => {
+  const { page } = await show(t, [sheet(temporaryFolder(t), "scan.xyz", 60)]);
+  await page.locator(".expert > summary").click();
+  const units = (name) => page.locator(`[data-param="${name}"] .unit`);
+  const offered = async (name) => (await units(name).locator("option:enabled").allTextContents()).sort();
+  const all = ["% of size", "file units", "spacings"];
+  for (const name of ["noise", "radius", "similarity_sigma"]) assert.deepEqual(await offered(name), all, name);
+  for (const name of ["closeness_sigma", "normal_sigma"]) assert.deepEqual(await offered(name), [...all, "radii"].sort(), name);
+  await entry(page, "similarity_sigma").fill("0.6r");
+  await page.keyboard.press("Enter");
+  await page.locator(".toast.error", { hasText: "cannot be '0.6r'" }).waitFor();
+  assert.equal(await units("similarity_sigma").inputValue(), "s");
+  await page.locator('[data-param="similarity_sigma"] .auto').click();
+  await settled(page);
+  assert.match(await entry(page, "similarity_sigma").inputValue(), /^[\d.]+s$/);
+});
+
 test("a full status line keeps what counts in sight, and says the rest under the pointer", async (t) => {
   const folder = temporaryFolder(t);
   const scattered = Array.from({ length: 200 }, (_, i) => `${(i * 7919) % 997} ${(i * 104729) % 991} ${100 + ((i * 1299709) % 983)}`);

@@ -277,10 +277,7 @@ class NewFile {
 }  // namespace las
 
 void check_new_las(const Cloud& cloud, std::optional<double> scale) {
-  las::Range range;
-  for (const Point& p : cloud.points)
-    las::include({cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z}, range);
-  las::choose_scaling(range, scale);
+  las::choose_scaling(las::range_of(written_positions(cloud)), scale);
 }
 
 std::vector<std::string> renamed_in_new_las(const Cloud& cloud) {

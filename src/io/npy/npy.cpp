@@ -4,6 +4,7 @@
 #include "io/formats.hpp"
 #include "io/npy/header.hpp"
 #include "io/parallel.hpp"
+#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
 #include "io/text.hpp"
 
@@ -11,12 +12,16 @@ namespace pointfair::io {
 namespace npy {
 namespace {
 
-class NpySource final : public RecordSource {
+// How many axes the points have.
+std::size_t axes_of(const Header& header) { return header.shape.size() - (header.is_structured ? 0 : 1); }
+
+class NpySource final : public PixelSource<RecordSource> {
  public:
   NpySource(const Header& header, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
-      : RecordSource(std::move(bytes), std::move(name), Format::npy, Encoding::binary, std::move(layout), points),
+      : PixelSource(axes_of(header) == 2, std::move(bytes), std::move(name), Format::npy, Encoding::binary,
+                    std::move(layout), points),
         is_columnar_(header.fortran_order && !header.is_structured),
-        shape_(header.shape.begin(), header.shape.end() - (header.is_structured ? 0 : 1)) {}
+        shape_(header.shape.begin(), header.shape.begin() + static_cast<std::ptrdiff_t>(axes_of(header))) {}
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = RecordSource::contents();

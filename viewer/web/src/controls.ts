@@ -166,7 +166,7 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
       if (shown === "auto" || !Number.isFinite(value)) refresh();
       else change(lengthText(value, texts.unit, texts.scale), true);
     },
-  }, ...kUnits.map(([value, name]) => h("option", { value }, name)));
+  }, ...kUnits.filter(([value]) => value !== "r" || param.in_radii).map(([value, name]) => h("option", { value }, name)));
   const auto = h("button", {
     type: "button", class: "auto", "aria-pressed": "false", title: "choose the value from the data",
     "aria-label": `${wordsFor(param.name)} auto`,
@@ -198,7 +198,9 @@ function numberControl(param: Param, change: (text: string, done: boolean) => vo
     texts.scale = scale;
     shown = text;
     usedText = used ?? usedText;
-    if (isLength && lengthOf(text, scale) > 0) texts.unit = unitOf(text); // what is refused leaves the unit as it is
+    const itsUnit = unitOf(text);
+    const isOffered = itsUnit !== "r" || param.in_radii;
+    if (isLength && isOffered && lengthOf(text, scale) > 0) texts.unit = itsUnit; // what is refused leaves the unit as it is
     refresh();
   };
   return { element, show };

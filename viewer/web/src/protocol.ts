@@ -52,6 +52,7 @@ export interface Param {
   min: number;
   max: number;
   automatic: boolean;
+  in_radii: boolean; // a length that may be a multiple of each point's radius
   values: string[];
   default: string;
   help: string;
