@@ -211,8 +211,11 @@ struct Seen {
   HiddenSurface hidden;
 };
 
-// Whether the noise is so large against the spacing that neighbourhoods of few points cut it off.
-bool is_dense(const Noise& noise) { return noise.sigma > kDenseNoise * noise.surface_spacing; }
+// Whether the noise is so large against the spacing, or against so many spacings, that neighbourhoods of few points cut
+// it off.
+bool is_dense(const Noise& noise, double spacings = 1) {
+  return noise.sigma > kDenseNoise * spacings * noise.surface_spacing;
+}
 
 // Whether thinned samples saw the noise and no shape that is as large.
 bool shows_noise_alone(const Seen& seen) {
@@ -304,7 +307,8 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   }
   if (repeats == 1 && result.noise.gap == 0 && !result.noise.depth_has_steps) {
     Seen best = seen;
-    for (int stride = 4; stride <= kMostRepeats && is_dense(result.noise); stride *= 4) {
+    const int first = is_dense(result.noise, 2) ? 16 : 4;  // spacings of every fourth point are twice as large
+    for (int stride = first; stride <= kMostRepeats && is_dense(result.noise); stride *= 4) {
       samples = from.take_samples_by({.stride = stride}, {}, first_samples, stop);
       cover_rounding(steps, samples.noise);
       look(steps, 1, {});

@@ -65,7 +65,7 @@ std::shared_ptr<Point[]> rows_of(Sampling& from, std::span<const std::uint32_t> 
     from.sample_neighborhoods(queries, k, {rows.get(), size});
     return rows;
   }
-  constexpr std::size_t kAtOnce = 256;
+  constexpr std::size_t kAtOnce = 512;
   constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
   const int nearest = std::min(k * stride, Sampling::kLongestRow);
   const std::size_t there = std::size_t(nearest / stride) + 1;
