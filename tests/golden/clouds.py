@@ -297,6 +297,7 @@ CLOUDS = {
     "plane.ply": lambda: ply(plane()),
     "waves.ply": lambda: ply(waves()),
     "waves_large.ply": lambda: ply(waves(n=6000, sigma=0.004)),
+    "waves_dense.ply": lambda: ply(waves(n=8000, sigma=0.05)),  # two spacings
     "saddle.xyz": lambda: xyz(saddle()),
     "roof.ply": lambda: ply(roof()),
     "stairs.ply": lambda: ply(stairs(n=3000)),
