@@ -125,12 +125,12 @@ TEST(ReachLevels, are_not_below_one_where_the_noise_sets_the_radius) {
   for (const float level : outcome.levels->levels) ASSERT_GE(level, 0.98);
 }
 
-// At the border of the plane the spacing seems larger, and the noise smaller against it.
-TEST(ReachLevels, are_one_where_the_noise_sets_the_radius) {
+// Every sixteenth point shows that there is no shape.
+TEST(ReachLevels, are_above_one_on_a_plane_with_noise_of_spacings) {
   const Outcome outcome(shapes::with_noise(shapes::plane(kPoints), 2.25 * kSpacing));
   ASSERT_TRUE(outcome.levels);
   for (const float x : {0.2f, 0.5f, 0.8f})
-    for (const float y : {0.2f, 0.5f, 0.8f}) EXPECT_NEAR(level_at(outcome, {x, y, 0}), 1, 0.02);
+    for (const float y : {0.2f, 0.5f, 0.8f}) EXPECT_GT(level_at(outcome, {x, y, 0}), 1.2);
 }
 
 }  // namespace

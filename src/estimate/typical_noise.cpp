@@ -89,9 +89,11 @@ double most_noise(std::span<const point::ResidualSample> samples, double spacing
     if (of_six >= 0) few[0].push_back(std::sqrt(of_six));
     if (of_eleven >= 0) few[1].push_back(std::sqrt(of_eleven));
     if (sample.least >= 0) few[2].push_back(sample.least);
-    if (of_eleven > 0 && sample.narrow >= 0) growth[0].push_back(sample.narrow / std::sqrt(of_eleven));
-    if (sample.narrow > 0 && sample.wide >= 0) growth[1].push_back(sample.wide / sample.narrow);
-    if (sample.wide > 0 && sample.widest >= 0) growth[2].push_back(sample.widest / sample.wide);
+    const double residuals[] = {of_eleven < 0 ? -1 : std::sqrt(of_eleven), sample.narrow, sample.wide, sample.widest};
+    for (std::size_t size = 0; size < growth.size(); ++size) {
+      const double from = residuals[size], to = residuals[size + 1];
+      if (from >= 0 && to >= 0) growth[size].push_back(from > 0 ? to / from : to > 0 ? kEndless : 1);
+    }
   }
   const auto of_most = [&](const std::vector<double>& values) { return 2 * values.size() > samples.size(); };
   double shown = kEndless;
