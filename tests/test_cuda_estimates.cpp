@@ -68,10 +68,17 @@ class CudaEstimates : public CudaBackendTest {
     const Estimate expected = estimate_of(*cpu_, {true, true});
     std::vector<std::uint32_t> queries;
     for (std::size_t i = 0; i < points.size(); i += points.size() / 300 + 1) queries.push_back(std::uint32_t(i));
-    const Bits samples = bits_of(cpu_->sampling().take_samples(queries, queries, {}));
+    const std::vector<SampleRule> rules = {{.sheets = true}, {.stride = 2}, {.stride = 4}, {.stride = 16}};
+    const auto samples_of = [&](Backend& backend) {
+      std::vector<Bits> bits = {bits_of(backend.sampling().take_samples(queries, queries, {}))};
+      for (const SampleRule& rule : rules)
+        bits.push_back(bits_of(backend.sampling().take_samples_by(rule, queries, {})));
+      return bits;
+    };
+    const std::vector<Bits> samples = samples_of(*cpu_);
     for (Backend* card : cards) {
       load(*card, points);
-      EXPECT_EQ(bits_of(card->sampling().take_samples(queries, queries, {})), samples);
+      EXPECT_EQ(samples_of(*card), samples);
       EXPECT_EQ(bits_of(estimate_of(*card, {true, true})), bits_of(expected));
     }
     EXPECT_EQ(estimate_of(*cuda_, {.spacing = true}).spacing.mean, expected.spacing.mean);

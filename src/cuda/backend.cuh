@@ -108,6 +108,7 @@ class CudaBackend final : public Backend,
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override;
   Samples take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
                        std::stop_token stop) override;
+  Samples take_samples_by(SampleRule rule, std::span<const Index> for_noise, std::stop_token stop) override;
   void foresee_nearest(int count) override;
 
   void outcomes(const point::Region& loaded, std::span<unsigned char> out) override;
@@ -150,6 +151,8 @@ class CudaBackend final : public Backend,
   void wait();
   // Copies the results of stages to the host.
   void deliver();
+  Samples samples_of(std::span<const Index> for_spacing, std::span<const Index> for_noise, SampleRule rule,
+                     const std::stop_token& stop);
   void finish_download(Chain& from, cudaEvent_t start, int iteration);
   // While a result leaves, copies are where they were uploaded, and where the chain's results bring them.
   class ShownCopies {

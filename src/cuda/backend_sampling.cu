@@ -27,6 +27,15 @@ void CudaBackend::sample_neighborhoods(std::span<const std::uint32_t> queries, i
 
 Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<const Index> for_noise,
                                   std::stop_token stop) {
+  return samples_of(for_spacing, for_noise, {}, stop);
+}
+
+Samples CudaBackend::take_samples_by(SampleRule rule, std::span<const Index> for_noise, std::stop_token stop) {
+  return samples_of({}, for_noise, rule, stop);
+}
+
+Samples CudaBackend::samples_of(std::span<const Index> for_spacing, std::span<const Index> for_noise, SampleRule rule,
+                                const std::stop_token& stop) {
   throw_if_stopped(stop);
   context_.enter();
   const std::size_t spacings = for_spacing.size(), noises = for_noise.size();
@@ -36,11 +45,12 @@ Samples CudaBackend::take_samples(std::span<const Index> for_spacing, std::span<
   residual_samples_.resize(noises);
   const std::size_t pooled = noises <= kMostOfOne ? noises * point::kPool : 0;
   pools_.resize(pooled);
-  const std::size_t near = std::min(noises, std::size_t(point::kNearRows)) * point::kNearRow;
+  const std::size_t near = rule.stride > 1 ? 0 : std::min(noises, std::size_t(point::kNearRows)) * point::kNearRow;
   near_.resize(near);
   std::copy(for_noise.begin(), for_noise.end(), std::copy(for_spacing.begin(), for_spacing.end(), queries_.get()));
   first_.take_samples({queries_.get(), spacings, noises, spacing_samples_.get(), noise_samples_.get(),
-                       residual_samples_.get(), pooled > 0 ? pools_.get() : nullptr, near_.get()});
+                       residual_samples_.get(), pooled > 0 ? pools_.get() : nullptr, near > 0 ? near_.get() : nullptr,
+                       rule});
   wait();
   throw_if_stopped(stop);
   std::vector residuals(residual_samples_.get(), residual_samples_.get() + noises);

@@ -273,7 +273,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   });
   int repeats = found.points;
   const auto thinned_samples = [&] {
-    return from.take_samples_by({.stride = repeats}, {}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
+    return from.take_samples_by({.stride = repeats}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
                                 stop);
   };
   const double coordinate_step = in_heads.coarsest;
@@ -283,7 +283,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     if (repeats > 1)
       samples = thinned_samples();
     else if (steps.kind != CoordinateSteps::Kind::depth && is_thin)
-      samples = from.take_samples_by({.sheets = true}, {}, for_noise, stop);
+      samples = from.take_samples_by({.sheets = true}, for_noise, stop);
     cover_rounding(steps, samples.noise);
     look(steps, repeats, is_plain ? rows_of_hidden(nearest, samples.noise) : std::vector<Point>());
   }
@@ -309,7 +309,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     Seen best = seen;
     const int first = is_dense(result.noise, 2) ? 16 : 4;  // spacings of every fourth point are twice as large
     for (int stride = first; stride <= kMostRepeats && is_dense(result.noise); stride *= 4) {
-      samples = from.take_samples_by({.stride = stride}, {}, first_samples, stop);
+      samples = from.take_samples_by({.stride = stride}, first_samples, stop);
       cover_rounding(steps, samples.noise);
       look(steps, 1, {});
       if (!shows_noise_alone(seen)) continue;

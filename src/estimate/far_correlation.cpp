@@ -30,7 +30,7 @@ bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, d
   double at_second = 0;  // residual over the spacing, of every second point
   double at_fourth = 0;  // their growth
   for (const int stride : {2, 4, 8}) {
-    const Samples thinned = from.take_samples_by({.stride = stride}, {}, some, stop);
+    const Samples thinned = from.take_samples_by({.stride = stride}, some, stop);
     const Noise noise = noise_of(thinned.noise, false);
     const std::vector<point::ResidualSample> residuals = thinned.residuals();
     const Growth there = residual_growth(residuals);

@@ -119,20 +119,20 @@ void Sampling::for_each_on_host(std::size_t count, const std::function<void(std:
 
 Samples Sampling::take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop) {
-  return take_samples_by({}, for_spacing, for_noise, stop);
+  using namespace point;
+  std::vector<SpacingSample> spacing(for_spacing.size());
+  const auto rows = rows_of(*this, for_spacing, kSpacingNeighbors, 1, stop);
+  for_each_on_host(for_spacing.size(),
+                   [&](std::size_t q) { spacing[q] = spacing_sample(rows.get() + q * (kSpacingNeighbors + 1)); });
+  Samples samples = Sampling::take_samples_by({}, for_noise, std::move(stop));
+  samples.spacing = std::move(spacing);
+  return samples;
 }
 
-Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_spacing,
-                                  std::span<const std::uint32_t> for_noise, const std::stop_token& stop) {
+Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_noise, std::stop_token stop) {
   using namespace point;
   Samples samples;
-  samples.spacing.resize(for_spacing.size());
   samples.noise.resize(for_noise.size());
-
-  const auto spacing_rows = rows_of(*this, for_spacing, kSpacingNeighbors, rule.stride, stop);
-  for_each_on_host(for_spacing.size(), [&](std::size_t q) {
-    samples.spacing[q] = spacing_sample(spacing_rows.get() + q * (kSpacingNeighbors + 1));
-  });
 
   const auto first_rows = rows_of(*this, for_noise, kFirstRow, rule.stride, stop);
   if (rule.stride == 1) samples.near = near_rows(first_rows.get(), for_noise.size(), kFirstRow + 1);

@@ -70,9 +70,8 @@ class Sampling {
   // triggered.
   virtual Samples take_samples(std::span<const std::uint32_t> for_spacing, std::span<const std::uint32_t> for_noise,
                                std::stop_token stop);
-  // The same by any rule, by fits on the host's cores. Rows end with the kLongestRow-th nearest.
-  Samples take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_spacing,
-                          std::span<const std::uint32_t> for_noise, const std::stop_token& stop);
+  // The same by any rule, for the noise alone. Rows end with the kLongestRow-th nearest.
+  virtual Samples take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_noise, std::stop_token stop);
   // For each of `queries`, whose noise is one of `sigmas`, the share of residuals beyond two standard deviations (.046
   // of Gaussian noise, none of noise that is even between two bounds), over a cubic through the nearest points up to 7
   // sigmas away, 115 to 600 of them; negative where they show no surface, or two sheets. By fits on the host's cores.

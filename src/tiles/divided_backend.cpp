@@ -151,6 +151,10 @@ class DividedCloud final : public Backend, public Sampling, public DeviceMemory 
     index_whole();
     return whole_->sampling().take_samples(for_spacing, for_noise, stop);
   }
+  Samples take_samples_by(SampleRule rule, std::span<const std::uint32_t> for_noise, std::stop_token stop) override {
+    index_whole();
+    return whole_->sampling().take_samples_by(rule, for_noise, stop);
+  }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {
     whole_->sampling().for_each_on_host(count, body);
   }

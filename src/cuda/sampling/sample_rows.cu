@@ -34,23 +34,22 @@ __device__ void fill_row_by_block(const Tree& tree, const Point* points, const R
                                   Search::Memory& memory) {
   const Index query = request.queries[n];
   if (query == point::kNoNeighbor) return;
-  const int k = request.k, known_k = request.known_k;
+  const int k = request.k, known_k = request.known_k, stride = request.stride, nearest = request.nearest();
   const Point p = points[query];
   const bool exists = point::is_indexable(p);
   if (exists) {
     const Vec position = {p.x, p.y, p.z};
-    Search search(tree, root_of(request, n), memory, position, query, k);
-    if (request.known == nullptr) {
-      search.run(search.guess());
-    } else {
-      const Point last = request.known[(n + 1) * (std::size_t(known_k) + 1) - 1];
-      search.run(search.scaled(point::squared_length(Vec{last.x, last.y, last.z} - position), known_k));
-    }
+    Search search(tree, root_of(request, n), memory, position, query, nearest);
+    const Point last = request.known == nullptr ? no_point() : request.known[(n + 1) * (std::size_t(known_k) + 1) - 1];
+    search.run(last.x == last.x
+                   ? search.scaled(point::squared_length(Vec{last.x, last.y, last.z} - position), known_k * stride)
+                   : search.guess());
   }
   Point* const row = request.rows + n * (std::size_t(k) + 1);
   if (threadIdx.x == 0) row[0] = exists ? p : no_point();
-  for (int place = static_cast<int>(threadIdx.x); place < k; place += kBlock)
-    row[place + 1] = exists ? point_of(tree, memory.keys[place]) : no_point();
+  for (int place = static_cast<int>(threadIdx.x), at = stride * place + stride - 1; place < k;
+       place += kBlock, at += stride * kBlock)
+    row[place + 1] = exists && at < nearest ? point_of(tree, memory.keys[at]) : no_point();
 }
 
 __device__ void fill_row_by_warp(const Tree& tree, const Point* points, const RowRequest& request, std::size_t n,
@@ -86,7 +85,7 @@ void find_rows(Context& context, const Tree& tree, const Point* points, const Ro
 }
 
 void find_rows(Context& context, const Tree& tree, const Point* points, const RowRequest& request) {
-  const bool is_few = request.k <= RegisterList::kCapacity;
+  const bool is_few = request.nearest() <= RegisterList::kCapacity && request.stride == 1;
   find_rows(context, tree, points, is_few ? request : RowRequest{}, is_few ? RowRequest{} : request);
 }
 

@@ -54,9 +54,9 @@ constexpr int kFirstLooks = point::kFirstRounds + 2, kLastLooks = point::kRounds
 constexpr int kFirstBlocks = kFirstLooks + 1;
 
 template <int kMost>
-__device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, int points, bool always) {
+__device__ point::Look look(point::FitSpace<kMost>& space, const Point* row, bool sheets, int points, bool always) {
   const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
-  point::GrowingNeighborhood<WarpTeam, kMost> neighborhood(WarpTeam{}, space, false);
+  point::GrowingNeighborhood<WarpTeam, kMost> neighborhood(WarpTeam{}, space, sheets);
   return point::look_at(neighborhood, taken, points, always);
 }
 
@@ -81,8 +81,8 @@ __global__ void __launch_bounds__(kWarp)
   const int round = static_cast<int>(blockIdx.x % kFirstBlocks);
   const Point* const row = rows + sample * kFirstRow;
   if (round == kFirstLooks) {
-    for (std::size_t i = lane_number(); i < kNear && sample < std::size_t(point::kNearRows); i += kWarp)
-      samples.near[sample * kNear + i] = row[i];
+    const bool is_near = samples.near != nullptr && sample < std::size_t(point::kNearRows);
+    for (std::size_t i = lane_number(); i < kNear && is_near; i += kWarp) samples.near[sample * kNear + i] = row[i];
     const point::RowTaken taken = point::take_row(WarpTeam{}, space, row);
     const point::PlaneSample planes = point::plane_sample(WarpTeam{}, space, taken.there);
     if (lane_number() == 0) to.planes[sample] = planes;
@@ -92,17 +92,18 @@ __global__ void __launch_bounds__(kWarp)
                      : round == point::kFirstRounds ? 2 * point::kFirstFit
                                                     : point::kLeastFit;
   const bool for_residuals = round == 0 || round >= point::kFirstRounds - 1;
-  const point::Look found = look(space, row, points, for_residuals);
+  const point::Look found = look(space, row, samples.rule.sheets, points, for_residuals);
   if (lane_number() == 0) to.looks[sample * kFirstLooks + round] = found;
 }
 
-__global__ void __launch_bounds__(kWarp) look_at_last_rows(const Point* rows, const Index* again, point::Look* looks) {
+__global__ void __launch_bounds__(kWarp)
+    look_at_last_rows(const Point* rows, const Index* again, bool sheets, point::Look* looks) {
   __shared__ point::FitSpace<point::kLastRow> space;
   begin_kernel();
   const std::size_t n = blockIdx.x / kLastLooks;
   if (again[n] == point::kNoNeighbor) return;
   const int points = point::points_of(point::kFirstRounds + static_cast<int>(blockIdx.x % kLastLooks));
-  const point::Look found = look(space, rows + n * kLastRow, points, false);
+  const point::Look found = look(space, rows + n * kLastRow, sheets, points, false);
   if (lane_number() == 0) looks[blockIdx.x] = found;
 }
 
@@ -220,7 +221,7 @@ void look_farther(Context& context, const Tree& tree, const Point* points, const
   RowRequest request{queries, count, point::kLastRow, rows.data()};
   request.clouds = clouds;
   find_rows(context, tree, points, {}, request);
-  start(context, look_at_last_rows, count * kLastLooks, kWarp, static_cast<const Point*>(rows.data()), queries,
+  start(context, look_at_last_rows, count * kLastLooks, kWarp, static_cast<const Point*>(rows.data()), queries, false,
         looks.data());
   start(context, conclude_longer, blocks_for(count, kBlock), kBlock, count,
         static_cast<const point::Look*>(looks.data()), noise);
@@ -241,16 +242,19 @@ void take_samples(Context& context, const Tree& tree, const Point* points, const
   planes.resize(noises);
   again.resize(noises);
   shows.resize(noises);
-  find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()},
-            {samples.queries + spacings, noises, point::kFirstRow, first_rows.data()});
+  const SampleRule rule = samples.rule;
+  RowRequest first{samples.queries + spacings, noises, point::kFirstRow, first_rows.data()},
+      last{again.data(), noises, point::kLastRow, last_rows.data(), first_rows.data(), point::kFirstRow};
+  first.stride = last.stride = rule.stride;
+  find_rows(context, tree, points, {samples.queries, spacings, point::kSpacingNeighbors, spacing_rows.data()}, first);
   const FirstLooks seen{first_looks.data(), planes.data()};
   start(context, look_at_first_rows, noises * kFirstBlocks + (spacings + kWarp - 1) / kWarp, kWarp, samples,
         spacing_rows.data(), first_rows.data(), seen);
   if (noises == 0) return;
   start(context, conclude_first, blocks_for(noises, kBlock), kBlock, samples, seen, again.data(), shows.data());
-  find_rows(context, tree, points, {},
-            {again.data(), noises, point::kLastRow, last_rows.data(), first_rows.data(), point::kFirstRow});
-  start(context, look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), last_looks.data());
+  find_rows(context, tree, points, {}, last);
+  start(context, look_at_last_rows, noises * kLastLooks, kWarp, last_rows.data(), again.data(), rule.sheets,
+        last_looks.data());
   start(context, conclude_last, blocks_for(noises, kBlock), kBlock, samples, again.data(), last_looks.data(),
         shows.data());
   if (samples.pools != nullptr) find_pools(context, first_rows.data(), kFirstRow, shows.data(), noises, samples.pools);

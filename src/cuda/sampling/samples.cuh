@@ -4,6 +4,7 @@
 
 #include "cuda/sampling/sample_rows.cuh"
 #include "point/sample.h"
+#include "seam/sampling.hpp"
 
 namespace pointfair::cuda {
 
@@ -15,7 +16,8 @@ struct SampleArrays {
   point::NoiseSample* noise;
   point::ResidualSample* residuals;  // of the queries for noise
   Index* pools;                      // Samples::pools; null: not looked for
-  Point* near;                       // of the first point::kNearRows rows for the noise, point::kNearRow points each
+  Point* near;        // of the first point::kNearRows rows for the noise, point::kNearRow points each; null: not wanted
+  SampleRule rule{};  // of the samples for the noise
 };
 
 // Of many clouds, all on the card: numbers of points in upload order, and the clouds of a batch that they are of.
