@@ -12,6 +12,7 @@ namespace pointfair::cpu {
 namespace {
 
 constexpr std::size_t kBlock = 1 << 13;  // points; a multiple of the leaf and of a group of leaves
+constexpr std::size_t kGroupsOfBlock = kBlock / kLeafSize / kLeafSize;
 constexpr float kInf = std::numeric_limits<float>::infinity();
 constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
 
@@ -181,18 +182,19 @@ void SpatialIndex::build_boxes(const std::stop_token& stop) {
   levels_.clear();
   if (leaves_ == 0) return;
   levels_.emplace_back(*meter_).resize(groups_of<std::size_t>(leaves_));
-  for_blocks(levels_[0].size(), kBlock / kLeafSize / kLeafSize, stop,
-             [&](std::size_t first, std::size_t last, std::size_t) {
-               for (std::size_t child = first * kLeafSize; child < last * kLeafSize; ++child)
-                 set_child(levels_[0][child / kLeafSize], child % kLeafSize, leaf_box(child));
-             });
+  for_blocks(levels_[0].size(), kGroupsOfBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+    for (std::size_t child = first * kLeafSize; child < last * kLeafSize; ++child)
+      set_child(levels_[0][child / kLeafSize], child % kLeafSize, leaf_box(child));
+  });
   while (levels_.back().size() > 1) {
     const std::size_t below = levels_.size() - 1;
     levels_.emplace_back(*meter_).resize(groups_of(levels_[below].size()));
     Buffer<BoxGroup>& level = levels_.back();
-    for (std::size_t child = 0; child < level.size() * kLeafSize; ++child)
-      set_child(level[child / kLeafSize], child % kLeafSize,
-                child < levels_[below].size() ? united(levels_[below][child]) : kNoChild);
+    for_blocks(level.size(), kGroupsOfBlock, stop, [&](std::size_t first, std::size_t last, std::size_t) {
+      for (std::size_t child = first * kLeafSize; child < last * kLeafSize; ++child)
+        set_child(level[child / kLeafSize], child % kLeafSize,
+                  child < levels_[below].size() ? united(levels_[below][child]) : kNoChild);
+    });
   }
 }
 

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "cpu/sort.h"
 
+#include <tbb/task_arena.h>
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -15,9 +17,10 @@ namespace {
 
 constexpr int kDigitBits = 10, kDigits = 3;  // of a 30-bit key
 constexpr std::size_t kBuckets = std::size_t(1) << kDigitBits;
-constexpr std::size_t kSmall = 512;                       // below, comparison sorting wins
+constexpr std::size_t kSmall = 160;                       // below, comparison sorting wins
 constexpr std::size_t kCacheable = std::size_t(1) << 19;  // elements of a run that one thread sorts in its caches
-constexpr std::size_t kSortBlock = std::size_t(1) << 14;
+constexpr std::size_t kAlone = std::size_t(1) << 15;      // the same where others have nothing to do meanwhile
+constexpr std::size_t kSortBlock = std::size_t(1) << 13;
 
 using Elements = std::span<std::uint64_t>;
 using Histogram = std::array<std::uint32_t, kBuckets>;
@@ -51,7 +54,7 @@ class KeySorter {
  private:
   // Sorts by digits `digit` to 0; those above agree throughout the run.
   void sort_keyed(Elements run, Elements scratch, int digit) const {
-    if (run.size() <= kCacheable || digit == 0) {
+    if (run.size() <= alone_ || digit == 0) {
       sort_in_cache(run, scratch, digit);
       order_cells_(run, scratch);
       return;
@@ -69,18 +72,24 @@ class KeySorter {
   // Stable, into scratch; returns where each bucket ends.
   std::vector<std::size_t> partition(Elements run, Elements scratch, int digit) const {
     const std::size_t block_size = std::max(kSortBlock, run.size() / 64 + 1);
-    const std::size_t blocks = (run.size() + block_size - 1) / block_size;
-    std::vector<Histogram> next(blocks);
+    std::vector<Histogram> next((run.size() + block_size - 1) / block_size);
     for_blocks(run.size(), block_size, stop_, [&](std::size_t first, std::size_t last, std::size_t block) {
       next[block].fill(0);
       for (std::size_t i = first; i < last; ++i) ++next[block][digit_of(run[i], digit)];
     });
+    Histogram counts{};
+    for (Histogram& histogram : next)  // row by row, since columns of all blocks lie in one set of a cache
+      for (std::size_t bucket = 0; bucket < kBuckets; ++bucket)
+        counts[bucket] += std::exchange(histogram[bucket], counts[bucket]);
     std::vector<std::size_t> ends(kBuckets);
+    Histogram begins;
     std::size_t total = 0;
     for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) {
-      for (Histogram& histogram : next) total += std::exchange(histogram[bucket], std::uint32_t(total));
-      ends[bucket] = total;
+      begins[bucket] = std::uint32_t(total);
+      ends[bucket] = total += counts[bucket];
     }
+    for (Histogram& histogram : next)
+      for (std::size_t bucket = 0; bucket < kBuckets; ++bucket) histogram[bucket] += begins[bucket];
     for_blocks(run.size(), block_size, stop_, [&](std::size_t first, std::size_t last, std::size_t block) {
       for (std::size_t i = first; i < last; ++i) scratch[next[block][digit_of(run[i], digit)]++] = run[i];
     });
@@ -106,6 +115,7 @@ class KeySorter {
 
   const std::stop_token& stop_;
   OrderCells order_cells_;
+  std::size_t alone_ = tbb::this_task_arena::max_concurrency() > 1 ? kAlone : kCacheable;
 };
 
 class CurveSorter {
