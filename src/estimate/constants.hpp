@@ -98,6 +98,9 @@ inline constexpr double kFarSlowing[] = {0.25, 1.6};  // the next growth over on
 inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over that of all points; 075
 inline constexpr double kMostOfSecond = 0.8;  // residual over spacing, of every eighth point over every second; 075
 
+inline constexpr std::uint64_t kLeastOfRows = 4;  // rows of 1,024 points; of a smaller cloud one row sees most; 075
+inline constexpr double kSameSpacing = 2;  // ratio to the spacing of thinned points on one surface, .9 to 1.2; 075
+
 // Noise that grows with the square of the distance, as the steps between pixels show it.
 inline constexpr std::size_t kStepGroups = 8;            // of samples; 076
 inline constexpr double kLeastStepRange = 0.5;           // of the logarithms of steps; 076

@@ -217,6 +217,13 @@ bool is_dense(const Noise& noise, double spacings = 1) {
   return noise.sigma > kDenseNoise * spacings * noise.surface_spacing;
 }
 
+// Whether every so many-th point lies as far apart as on the surface that all of them show. Else most samples of one or
+// the other see no surface.
+bool is_same_surface(const Noise& of_all, const Noise& of_thinned, double stride) {
+  const double grown = of_thinned.surface_spacing / (std::sqrt(stride) * of_all.surface_spacing);
+  return grown < kSameSpacing && grown > 1 / kSameSpacing;
+}
+
 // Whether thinned samples saw the noise and no shape that is as large.
 bool shows_noise_alone(const Seen& seen) {
   const Noise& noise = seen.estimate.noise;
@@ -299,11 +306,17 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const bool is_triangulated = (repeats == 1 && is_small && result.noise.depth_has_steps) ||
                                (grows && errs_by_triangulation(residuals, nearest));
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  if (is_triangulated || (may_be_far && is_correlated_far(from, for_noise, growth, stop))) {
-    repeats = kMostRepeats;
+  const bool is_local = sample.bounds.valid >= kLeastOfRows * std::uint64_t(Sampling::kLongestRow);
+  if (is_local && (is_triangulated || (may_be_far && is_correlated_far(from, for_noise, growth, stop)))) {
+    Seen whole = seen;
+    const int all_repeats = std::exchange(repeats, kMostRepeats);
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});
+    if (!is_same_surface(whole.estimate.noise, result.noise, double(kMostRepeats) / all_repeats)) {
+      seen = std::move(whole);
+      repeats = all_repeats;
+    }
   }
   if (repeats == 1 && result.noise.gap == 0 && !result.noise.depth_has_steps) {
     Seen best = seen;

@@ -123,6 +123,19 @@ class KeptShapes(Case):
         off = lambda rows: rms(min(abs(y), abs(y - 2)) for _, y, _ in rows)
         self.assertLess(off(out[15600:]), off(panes))
 
+    def test_terrain_of_few_points_whose_surface_does_not_show_stays_where_it_is(self):
+        for seed in (9, 26, 38):
+            rng = random.Random(seed)
+            waves = []
+            for _ in range(60):
+                length, turn = 6 * 10 ** rng.random(), rng.uniform(0, 2 * math.pi)
+                waves.append((2 * math.pi / length * math.cos(turn), 2 * math.pi / length * math.sin(turn),
+                              rng.uniform(0, 2 * math.pi), .02 * length))
+            height = lambda x, y: sum(high * math.sin(u * x + v * y + phase) for u, v, phase, high in waves)
+            places = [(rng.uniform(0, 100), rng.uniform(0, 100)) for _ in range(1200)]
+            off = rms(z - height(x, y) for x, y, z in self.denoised([(x, y, height(x, y) + rng.gauss(0, .03)) for x, y in places]))
+            self.assertLess(off, .1 * math.sqrt(100 * 100 / 1200), seed)  # spacings
+
 
 if __name__ == "__main__":
     unittest.main()
