@@ -99,7 +99,6 @@ inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over 
 inline constexpr double kMostOfSecond = 0.8;  // residual over spacing, of every eighth point over every second; 075
 
 inline constexpr std::uint64_t kLeastOfRows = 4;  // rows of 1,024 points; of a smaller cloud one row sees most; 075
-inline constexpr double kSameSpacing = 2;  // ratio to the spacing of thinned points on one surface, .9 to 1.2; 075
 
 // Noise that grows with the square of the distance, as the steps between pixels show it.
 inline constexpr std::size_t kStepGroups = 8;            // of samples; 076

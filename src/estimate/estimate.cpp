@@ -217,13 +217,6 @@ bool is_dense(const Noise& noise, double spacings = 1) {
   return noise.sigma > kDenseNoise * spacings * noise.surface_spacing;
 }
 
-// Whether every so many-th point lies as far apart as on the surface that all of them show. Else most samples of one or
-// the other see no surface.
-bool is_same_surface(const Noise& of_all, const Noise& of_thinned, double stride) {
-  const double grown = of_thinned.surface_spacing / (std::sqrt(stride) * of_all.surface_spacing);
-  return grown < kSameSpacing && grown > 1 / kSameSpacing;
-}
-
 // Whether thinned samples saw the noise and no shape that is as large.
 bool shows_noise_alone(const Seen& seen) {
   const Noise& noise = seen.estimate.noise;
@@ -313,7 +306,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});
-    if (!is_same_surface(whole.estimate.noise, result.noise, double(kMostRepeats) / all_repeats)) {
+    if (!result.noise.depth_has_steps && !neighbors_share_noise(nearest, result.noise.sigma)) {
       seen = std::move(whole);
       repeats = all_repeats;
     }
