@@ -14,29 +14,12 @@ namespace {
 constexpr int kBlock = 256;
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; of fewer no step is long
 
-// Of the points that the stages brought to one place, which lie side by side in the order of the input, the one that
-// was measured first in the order of positions.
-__device__ Index first_at_place(const Tree& tree, const Point* measured, Index at) {
-  const float4 here = tree.points[at];
-  const auto is_here = [&](float4 p) { return p.x == here.x && p.y == here.y && p.z == here.z; };
-  const auto measured_at = [&](Index original) {
-    const Point p = measured[original];
-    return point::Vec3<float>{p.x, p.y, p.z};
-  };
-  const Index end = tree.leaves * kLeafSize;
-  while (at > 0 && is_here(tree.points[at - 1])) --at;
-  Index first = original_of(tree.points[at]);
-  for (Index next = at + 1; next < end && is_here(tree.points[next]); ++next) {
-    const Index other = original_of(tree.points[next]);
-    if (point::lies_before(measured_at(other), measured_at(first))) first = other;
-  }
-  return first;
-}
-
+// A thread for each place, which the stages may have brought several points to. They lie side by side in the order of
+// the input, and count as the one that was measured first in the order of positions.
 __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ Tree tree, RefinedCloud from,
                                                         float4* classical, float4* normal, float2* measured) {
-  const Index at = blockIdx.x * kBlock + threadIdx.x;
-  if (at >= tree.leaves * kLeafSize) return;
+  const Index at = blockIdx.x * kBlock + threadIdx.x, end = tree.leaves * kLeafSize;
+  if (at >= end) return;
   const float4 p = tree.points[at];
   if (!is_present(p)) {
     classical[at] = {0, 0, 0, 1};
@@ -44,11 +27,27 @@ __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ 
     measured[at] = {0, 0};
     return;
   }
-  const Index original = first_at_place(tree, from.measured, at);
-  const Point m = from.measured[original], n = from.normals[original];
-  classical[at] = {p.x, p.y, p.z, from.noise[original]};
-  normal[at] = {n.x, n.y, n.z, m.x};
-  measured[at] = {m.y, m.z};
+  const auto is_here = [&](Index other) {
+    const float4 q = tree.points[other];
+    return q.x == p.x && q.y == p.y && q.z == p.z;
+  };
+  if (at > 0 && is_here(at - 1)) return;
+  const auto measured_at = [&](Index original) {
+    const Point m = from.measured[original];
+    return point::Vec3<float>{m.x, m.y, m.z};
+  };
+  Index first = original_of(p), behind = at + 1;
+  for (; behind < end && is_here(behind); ++behind) {
+    const Index other = original_of(tree.points[behind]);
+    if (point::lies_before(measured_at(other), measured_at(first))) first = other;
+  }
+  const Point m = from.measured[first], n = from.normals[first];
+  for (Index i = at; i < behind; ++i) {
+    const Vec here = position_of(tree.points[i]);  // zeros have signs
+    classical[i] = {here.x, here.y, here.z, from.noise[first]};
+    normal[i] = {n.x, n.y, n.z, m.x};
+    measured[i] = {m.y, m.z};
+  }
 }
 
 }  // namespace
