@@ -19,6 +19,9 @@
 
 namespace pointfair {
 
+/// A length in file units with so many digits; where their length is known, as in FileInfo, in mm or m.
+POINTFAIR_EXPORT std::string length_text(double length, std::optional<double> metres_per_unit, int digits = 4);
+
 /// The largest step between 32-bit floats within these bounds. O(1).
 POINTFAIR_EXPORT double stored_float_step(const Position& min, const Position& max);
 
