@@ -168,8 +168,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     add(notes_on_viewpoints(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin,
                             pipeline.estimates(stop)),
         findings);
-    if (arguments.normals != "keep" || !arguments.write_noise.empty())
-      add(notes_on_one_origin(pipeline.report()), findings);
+    if (arguments.normals != "keep") add(notes_on_one_origin(pipeline.report()), findings);
     if (arguments.viewpoint.empty() && !pipeline.report().found_sensor) add(notes_on_grid(cloud), findings);
     add(ignored_faces(params, limits, cloud), findings);
     add(beside, findings);

@@ -144,8 +144,8 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
 std::vector<std::string> notes_on_one_origin(const Report& report) {
   if (!is_in_zones(report)) return {};
   return {
-      "new normals and the noise of each point are computed around one origin all the same, where floats are too "
-      "coarse for this cloud, so they may be wrong: write them of parts of it that are less wide"};
+      "new normals are computed around one origin all the same, where floats are too coarse for this cloud, so they "
+      "may be wrong: write them of parts of it that are less wide"};
 }
 
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {

@@ -40,7 +40,7 @@ void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std
 // The estimates are of the points that were not ignored. `keeps_normals`: those in the file stay.
 void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& before, const Cloud& after,
               Pipeline& pipeline, std::stop_token stop, Findings& findings);
-// What is not done in zones where the run was: normals that are written, and the noise of each point.
+// What is not done in zones where the run was: normals that are written.
 std::vector<std::string> notes_on_one_origin(const Report& report);
 // Of a run at strength 0, whose points are written as they were.
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings);

@@ -191,7 +191,7 @@ class Pipeline(Generic[Points]):
         sensor where its place is known, and have arbitrary signs elsewhere and on a card. `out`, an array on the
         pipeline's card, takes them without a copy through the host. Raises UsageError if the last run failed or if a
         cloud was loaded since. Of a cloud that is too wide for floats around one origin, which runs in zones, they are
-        coarse, and so is `noise()`."""
+        coarse, or refused where they would mean nothing."""
         if out is not None:
             if type(out) is np.ndarray or not _card.is_on_card(out):
                 raise UsageError("out takes an array on the pipeline's card: leave it out for one in host memory")
