@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -23,11 +24,12 @@ struct Findings {
   double spacing = 0, noise = 0;  // of the input
   std::string noise_attribute;    // that the noise comes from; empty: it is estimated
   std::array<double, 3> noise_quantiles{};
-  double step = 0;            // between the coordinates written, where these are integers
-  double float_step = 0;      // as in Estimates
-  std::uint64_t ignored = 0;  // finite points left out by --ignore
-  std::uint64_t held = 0;     // others that the limits did not let move, and that are no outliers
-  OutlierCounts removed;      // that the file written does not have
+  double step = 0;                        // between the coordinates written, where these are integers
+  double float_step = 0;                  // as in Estimates
+  std::optional<double> metres_per_unit;  // where the file says so
+  std::uint64_t ignored = 0;              // finite points left out by --ignore
+  std::uint64_t held = 0;                 // others that the limits did not let move, and that are no outliers
+  OutlierCounts removed;                  // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
   std::vector<std::string> page_notes;  // the first of them, where a page says lengths in mm or m

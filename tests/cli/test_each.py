@@ -73,6 +73,7 @@ class Each(Case):
         self.assertIn("b.ply", rows[1]["error"])
         self.assertAlmostEqual(float(rows[0]["noise"]), 0.01, delta=0.004)
         self.assertGreater(float(rows[0]["moved_mean"]), 0.001)
+        self.assertEqual([row["metres_per_unit"] for row in rows], ["", "", ""])
 
     def test_rows_in_json_have_the_report_of_each(self):
         self.each("--report", self.path("rows.json"), "-q")
