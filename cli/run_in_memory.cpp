@@ -164,6 +164,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
       find_copied(write_options, denoised, pipeline, findings);
       return add(beside, findings);
     }
+    std::ranges::move(notes_on_units(cloud), std::back_inserter(beside));
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     add(notes_on_viewpoints(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin,
                             pipeline.estimates(stop)),

@@ -62,6 +62,9 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Cloud& cloud);
 /// stood by the grid, or that neither the file nor its grid say it. Throws as file_info.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const Cloud& cloud);
 
+/// Of a file whose heights have another unit than its X and Y: both, and what makes them one. Throws as file_info.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_units(const Cloud& cloud);
+
 /// Of a file whose points moved and which keeps the normals that it had: that they are those from before, and what
 /// renews them. `format`: of the file that is written; unset: that of the cloud's own. Throws as file_info.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format);

@@ -12,6 +12,7 @@
 #include "io/faces.hpp"
 #include "io/sensor_place.hpp"
 #include "io/source.hpp"
+#include "io/text.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/run_notes.hpp"
@@ -69,6 +70,17 @@ std::vector<std::string> notes_on_grid(const Cloud& cloud) {
   return {
       "the file does not say where the sensor stood, and its grid does not tell: --viewpoint x,y,z finds points "
       "between two surfaces (mixed pixels)"};
+}
+
+std::vector<std::string> notes_on_units(const Cloud& cloud) {
+  const FileInfo info = file_info(cloud);
+  if (!info.metres_per_height) return {};
+  const auto factor = [](double value) { return io::listed_numbers({&value, 1}, 10); };
+  const double plane = *info.metres_per_unit, height = *info.metres_per_height;
+  return {"heights are in units of " + factor(height) + " m, X and Y in units of " + factor(plane) +
+          " m, and were taken for one unit, so that lengths, noise and shape are wrong: scale the heights first, "
+          "pdal translate IN OUT assign --filters.assign.value=\"Z = Z * " +
+          factor(height / plane) + "\" for instance, and the result's back"};
 }
 
 std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format) {

@@ -83,6 +83,20 @@ class Survey(Case):
         rows = json.loads(self.path("rows.json").read_text())["files"]
         self.assertEqual([row["run"]["metres_per_unit"] for row in rows], [unit for _, unit in units])
 
+    def test_heights_of_another_unit_are_told(self):
+        wkt = b'COMPD_CS["both",PROJCS["UTM",UNIT["metre",1]],VERT_CS["heights",UNIT["US survey foot",0.304800609601219]]]'
+        las = write_las(self.path("mixed.las"), ground(900), [2] * 900, crs=wkt)
+        note = "heights are in units of 0.3048006096 m, X and Y in units of 1 m"
+        for words in ([], ["--tiles", 3]):
+            said = self.ok("run", las, self.path("out.las"), "--force", *words).stderr.decode()
+            self.assertIn(note, said)
+            self.assertIn('"Z = Z * 0.3048006096"', said)
+        self.assertNotIn("heights", self.ok("run", las, self.path("out.las"), "--force", "--strength", 0).stderr.decode())
+        self.assertNotIn("heights", self.ok("run", self.las, self.path("out.las"), "--force").stderr.decode())
+        self.assertIn("unit of heights    0.3048006096 m", self.ok("info", las).stdout.decode())
+        self.assertAlmostEqual(self.report("info", las)["file"]["metres_per_height"], 0.3048006)
+        self.assertEqual(self.report("info", self.las)["file"]["metres_per_height"], 1)
+
     def test_distances_between_feet_and_metres_are_refused(self):
         feet = write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)
         for words in (("compare", self.las, feet), ("certify", self.las, feet, "--report", self.path("r.html"))):
