@@ -62,6 +62,9 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Cloud& cloud);
 /// stood by the grid, or that neither the file nor its grid say it. Throws as file_info.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const Cloud& cloud);
 
+/// The same of an image of points without a file, row by row: `viewpoint` as image_viewpoint gives it.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const std::optional<Position>& viewpoint);
+
 /// Of a file whose heights have another unit than its X and Y: both, and what makes them one. Throws as file_info.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_units(const Cloud& cloud);
 

@@ -4,8 +4,8 @@
 #include "io/formats.hpp"
 #include "io/npy/header.hpp"
 #include "io/parallel.hpp"
-#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
+#include "io/sensor_source.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io {
@@ -15,11 +15,11 @@ namespace {
 // How many axes the points have.
 std::size_t axes_of(const Header& header) { return header.shape.size() - (header.is_structured ? 0 : 1); }
 
-class NpySource final : public PixelSource<RecordSource> {
+class NpySource final : public SensorSource<RecordSource> {
  public:
   NpySource(const Header& header, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
-      : PixelSource(axes_of(header) == 2, std::move(bytes), std::move(name), Format::npy, Encoding::binary,
-                    std::move(layout), points),
+      : SensorSource(axes_of(header) == 2 ? header.shape[1] : 0, std::move(bytes), std::move(name), Format::npy,
+                     Encoding::binary, std::move(layout), points),
         is_columnar_(header.fortran_order && !header.is_structured),
         shape_(header.shape.begin(), header.shape.begin() + static_cast<std::ptrdiff_t>(axes_of(header))) {}
 
@@ -191,7 +191,8 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, co
   if (points.size() % layout.record_size != 0 || points.empty())
     fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
                    " floats; is it the other of kitti and nuscenes, or cut off?");
-  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout), points);
+  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout),
+                                  points);
 }
 
 }  // namespace pointfair::io
