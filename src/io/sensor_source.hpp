@@ -12,12 +12,13 @@
 #include <vector>
 
 #include "io/camera_centre.hpp"
+#include "io/empty_returns.hpp"
 #include "io/parallel.hpp"
 #include "io/source.hpp"
 
 namespace pointfair::io {
 
-/// Reads both as NaN where the file is an image.
+/// Reads both as NaN: zeros of an image always, others where EmptyReturns says so.
 template <class Base>
 class SensorSource : public Base {
  public:
@@ -68,9 +69,24 @@ class SensorSource : public Base {
  protected:
   /// Where the sensor stood, as the file's header says it.
   virtual std::optional<Position> told_sensor() const { return std::nullopt; }
+  /// Whether points that stand in no grid may have been measured by a sensor.
+  virtual bool may_be_returns() const { return true; }
 
  private:
-  bool are_empty() const { return width_ > 0; }
+  bool are_empty() const {
+    if (width_ > 0 || !may_be_returns()) return width_ > 0;
+    std::call_once(are_counted_, [&] {
+      EmptyReturns counted(this->size());
+      std::vector<Position> own;
+      for (std::size_t block = 0; block < this->block_count(); ++block) {
+        own.resize(this->block_size(block));
+        Base::positions(block, own);
+        counted.take(this->block_begin(block), own);
+      }
+      are_empty_ = counted.are_empty();
+    });
+    return are_empty_;
+  }
 
   const std::optional<Position>& camera() const {
     std::call_once(is_fitted_, [&] {
@@ -80,7 +96,8 @@ class SensorSource : public Base {
   }
 
   std::uint64_t width_;
-  mutable std::once_flag is_fitted_;
+  mutable std::once_flag are_counted_, is_fitted_;
+  mutable bool are_empty_ = false;
   mutable std::optional<Position> camera_;
 };
 

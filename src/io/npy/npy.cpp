@@ -41,6 +41,9 @@ class NpySource final : public SensorSource<RecordSource> {
     out.write(tail());
   }
 
+ protected:
+  bool may_be_returns() const override { return false; }  // they are numbers, as those of arrays in Python
+
  private:
   bool is_columnar_;
   std::vector<std::uint64_t> shape_;  // of the points
@@ -166,9 +169,9 @@ void write_npy(Table table, const Writing&, Output& out) {
 
 // Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
 std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, const Reading& reading) {
-  class Floats final : public RecordSource {
+  class Floats final : public SensorSource<RecordSource> {
    public:
-    using RecordSource::RecordSource;
+    using SensorSource<RecordSource>::SensorSource;
 
    protected:
     // Without what was added: nothing in such a file says how many floats a point has.
@@ -191,7 +194,7 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, co
   if (points.size() % layout.record_size != 0 || points.empty())
     fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
                    " floats; is it the other of kitti and nuscenes, or cut off?");
-  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout),
+  return std::make_shared<Floats>(0U, std::move(bytes), name, reading.format, Encoding::binary, std::move(layout),
                                   points);
 }
 
