@@ -159,8 +159,8 @@ class Pipeline(Generic[Points]):
     def notes(self, moved: Any = 0.0) -> list[str]:
         """Why the result of the last run may not be what it seems, in sentences, as the program prints them: floats
         that are coarse so far from 0, points too sparse for their noise, noise or moves that are large against the
-        cloud, noise that neighbours share, rows too far apart, points that show no surface, where the grid of an image shows its
-        camera. `moved` are the lengths that
+        cloud, noise that neighbours share, rows too far apart, points that show no surface, where the grid of an image shows
+        its camera. `moved` are the lengths that
         points moved, an array; without it neither large moves nor such rows are told. Empty where there is nothing to
         say. Measures what estimates() does; O(N) for `moved`.
 

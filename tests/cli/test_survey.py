@@ -77,7 +77,8 @@ class Survey(Case):
                 report = self.report("run", las, self.path("out.las"), "--force", "-q", *words)
                 self.assertEqual(report["metres_per_unit"], unit, words)
         for name in ("rows.csv", "rows.json"):
-            self.ok("run", feet, none, self.las, "--each", "--out-dir", self.path(name + ".d"), "--report", self.path(name), "-q")
+            words = ["--each", "--out-dir", self.path(name + ".d"), "--report", self.path(name), "-q"]
+            self.ok("run", feet, none, self.las, *words)
         with open(self.path("rows.csv"), newline="") as file:
             self.assertEqual([row["metres_per_unit"] for row in csv.DictReader(file)], ["0.3048", "", "1"])
         rows = json.loads(self.path("rows.json").read_text())["files"]

@@ -162,7 +162,8 @@ class Zones(Case):
     def test_the_noise_of_each_point_follows_zones_and_normals_that_would_mean_nothing_are_refused(self):
         """Two planes 10,000 km apart, where floats around one origin step by a metre."""
         generator = random.Random(4)
-        points = [(dx + generator.uniform(0, 7), generator.uniform(0, 7), generator.gauss(0, 0.02)) for dx in (0, 1e7) for _ in range(20000)]
+        points = [(dx + generator.uniform(0, 7), generator.uniform(0, 7), generator.gauss(0, 0.02))
+                  for dx in (0, 1e7) for _ in range(20000)]
         cloud = write_binary(self.path("two.ply"), points, "double")
         for words, expected in (([], 0.02), (["--noise", 0.03], 0.03), (["--noise", "0.4s"], 0.02)):
             self.ok("run", cloud, self.path("noise.ply"), "-q", "--force", "--write-noise", *words)
