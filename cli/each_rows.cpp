@@ -15,9 +15,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr std::string_view kHeader =
-    "input,output,status,points,spacing,noise,moved_mean,moved_max,outliers,milliseconds,error";
-constexpr std::string_view kNoNumbers = ",,,,,,";
-constexpr std::size_t kOutput = 1, kFirstNumber = 3, kNumbers = 7, kFields = 11;
+    "input,output,status,points,spacing,noise,moved_mean,moved_max,outliers,milliseconds,metres_per_unit,error";
+constexpr std::string_view kNoNumbers = ",,,,,,,";
+constexpr std::size_t kOutput = 1, kFirstNumber = 3, kNumbers = 8, kFields = 12;
 
 Json json_of(const Row& row) {
   Json json{{"input", row.input.string()}, {"output", row.output.string()}, {"status", row.status}};
@@ -90,9 +90,11 @@ void set_findings(Row& row, const std::optional<Findings>& findings) {
   row.findings = findings;
   const bool is_measured = findings && !findings->is_copied;
   const std::string measured = is_measured ? fmt::format("{},{}", findings->spacing, findings->noise) : ",";
-  row.numbers = findings ? fmt::format("{},{},{},{},{},{}", findings->report.points, measured,
+  const std::string unit =
+      findings && findings->metres_per_unit ? fmt::format("{}", *findings->metres_per_unit) : std::string();
+  row.numbers = findings ? fmt::format("{},{},{},{},{},{},{}", findings->report.points, measured,
                                        findings->displacement.mean, findings->displacement.max,
-                                       found_outliers(findings->report), findings->report.total_milliseconds)
+                                       found_outliers(findings->report), findings->report.total_milliseconds, unit)
                          : "";
   row.run = findings ? run_json(findings->report, *findings) : Json();
 }

@@ -70,6 +70,8 @@ std::string file_text(const Cloud& cloud) {
   if (info.grid_width > 0)
     fmt::format_to(out, "  {:<18} {} x {} points, organised\n", "grid", info.grid_width, info.grid_height);
   if (info.metres_per_unit) fmt::format_to(out, "  {:<18} {:.10g} m\n", "unit", *info.metres_per_unit);
+  if (info.metres_per_height)
+    fmt::format_to(out, "  {:<18} {:.10g} m: scale Z before denoising\n", "unit of heights", *info.metres_per_height);
   if (info.is_geographic) fmt::format_to(out, "  {:<18} degrees: project it to metres before denoising\n", "unit");
   if (!text.empty()) text = "file\n" + text;
   const Counts classes = counts_of(cloud, "classification"), returns = counts_of(cloud, "return_number");
@@ -87,6 +89,7 @@ Json file_json(const Cloud& cloud) {
   for (const auto& [name, value] : info.rows) json[name] = value;
   if (info.grid_width > 0) json["grid"] = {info.grid_width, info.grid_height};
   json["metres_per_unit"] = info.metres_per_unit ? Json(*info.metres_per_unit) : Json(nullptr);
+  json["metres_per_height"] = info.metres_per_height ? Json(*info.metres_per_height) : json["metres_per_unit"];
   json["geographic"] = info.is_geographic;
   json["step"] = info.step;
   json["classes"] = counts_json(counts_of(cloud, "classification"));

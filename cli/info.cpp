@@ -165,7 +165,7 @@ void info(const InfoArguments& arguments, std::stop_token stop) {
   if (arguments.more.empty() && !is_survey(arguments.input)) return info_of_one(arguments, pipeline, stop);
   std::vector<std::string> inputs = {arguments.input};
   inputs.insert(inputs.end(), arguments.more.begin(), arguments.more.end());
-  const std::vector<std::filesystem::path> files = files_of_survey(inputs);
+  const std::vector<std::filesystem::path> files = files_of_survey(inputs, arguments.in.format);
   check_report(arguments.report, files);
   info_of_many(arguments, files, pipeline, stop);
 }

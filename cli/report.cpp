@@ -99,12 +99,6 @@ Json outliers_json(const PointCounts& counts) {
           {"mixed_pixels", kept.mixed_pixels + pulled.mixed_pixels}};
 }
 
-std::string length_text(double value, std::optional<double> metres_per_unit) {
-  if (!metres_per_unit) return fmt::format("{:.4g}", value);
-  const double metres = value * *metres_per_unit;
-  return metres < 1 ? fmt::format("{:.4g} mm", 1000 * metres) : fmt::format("{:.4g} m", metres);
-}
-
 std::string coarse_steps(double step, double noise, std::optional<double> metres_per_unit) {
   if (!(noise > 0) || !(step > noise)) return {};
   return fmt::format(

@@ -22,8 +22,6 @@ Json device_json(const DeviceInfo& device);
 Json params_json(const Params& params);
 Json stages_json(const std::vector<StageTime>& stages);
 Json statistics_json(const Statistics& statistics);
-/// In mm or m where the length of the file's unit is known; else as it is.
-std::string length_text(double value, std::optional<double> metres_per_unit);
 /// A sentence if the steps between coordinates that a file stores as integers are coarse against the noise, else empty.
 std::string coarse_steps(double step, double noise, std::optional<double> metres_per_unit = {});
 /// The error that rounding to such steps adds on each axis.

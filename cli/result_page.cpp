@@ -121,8 +121,11 @@ class PageMaker {
   // Of two files whose run is not known: neither what it chose nor what it left out.
   std::vector<std::string> notes_on_pair() const {
     const Statistics& moved = copy_.displacement;
-    return notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
-                        stored_float_step(before_, estimates_), file_info(before_).metres_per_unit);
+    std::vector<std::string> notes =
+        notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
+                     stored_float_step(before_, estimates_), file_info(before_).metres_per_unit);
+    std::ranges::move(notes_on_units(before_), std::back_inserter(notes));
+    return notes;
   }
 
   std::string warnings() const {

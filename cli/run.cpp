@@ -91,7 +91,8 @@ void check_files(const RunArguments& arguments) {
                 fmt::format("several inputs, the last of them {}, need a folder for their results; give --out-dir",
                             arguments.more.back()));
   if (is_survey(arguments.input))
-    throw Error(ErrorKind::file, described_survey(arguments.input) + "; give --out-dir DIR for their results" +
+    throw Error(ErrorKind::file, described_survey(arguments.input, arguments.in.format) +
+                                     "; give --out-dir DIR for their results" +
                                      (arguments.each ? "" : ", and --each if they are not one cloud"));
   if (arguments.each || arguments.skip_existing)
     throw Error(ErrorKind::usage,

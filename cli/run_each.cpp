@@ -32,7 +32,7 @@ fs::path name_of_result(const fs::path& input, const FormatArguments& asked) {
 std::vector<Row> planned(const RunArguments& arguments) {
   std::vector<Row> rows;
   std::map<fs::path, fs::path> inputs;  // by their results
-  for (const fs::path& input : files_of_survey(arguments.inputs())) {
+  for (const fs::path& input : files_of_survey(arguments.inputs(), arguments.in.format)) {
     const fs::path output = fs::path(arguments.tiled.out_dir) / name_of_result(input, arguments.format);
     if (const auto [other, is_new] = inputs.try_emplace(output, input); !is_new)
       throw Error(ErrorKind::usage,

@@ -164,12 +164,12 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
       find_copied(write_options, denoised, pipeline, findings);
       return add(beside, findings);
     }
+    std::ranges::move(notes_on_units(cloud), std::back_inserter(beside));
     find_out(arguments.normals == "keep", write_options, cloud, denoised, pipeline, stop, findings);
     add(notes_on_viewpoints(arguments.viewpoint.empty() ? file_viewpoints(cloud) : viewpoints, cloud.origin,
                             pipeline.estimates(stop)),
         findings);
-    if (arguments.normals != "keep" || !arguments.write_noise.empty())
-      add(notes_on_one_origin(pipeline.report()), findings);
+    if (arguments.normals != "keep") add(notes_on_one_origin(pipeline.report()), findings);
     if (arguments.viewpoint.empty() && !pipeline.report().found_sensor) add(notes_on_grid(cloud), findings);
     add(ignored_faces(params, limits, cloud), findings);
     add(beside, findings);

@@ -119,6 +119,7 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
   findings.noise_quantiles = estimates.noise_quantiles;
   findings.step = written_step(before, options);
   findings.float_step = estimates.float_step;
+  findings.metres_per_unit = file_info(before).metres_per_unit;
   findings.displacement = displacement(before, after);
   const double noise = is_noise_given(findings) ? pipeline.report().params.noise.value : estimates.noise;
   const Statistics& moved = findings.displacement;
@@ -138,14 +139,14 @@ void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& befo
     return result;
   };
   findings.notes = notes({});
-  if (const auto metres = file_info(before).metres_per_unit) findings.page_notes = notes(metres);
+  if (findings.metres_per_unit) findings.page_notes = notes(findings.metres_per_unit);
 }
 
 std::vector<std::string> notes_on_one_origin(const Report& report) {
   if (!is_in_zones(report)) return {};
   return {
-      "new normals and the noise of each point are computed around one origin all the same, where floats are too "
-      "coarse for this cloud, so they may be wrong: write them of parts of it that are less wide"};
+      "new normals are computed around one origin all the same, where floats are too coarse for this cloud, so they "
+      "may be wrong: write them of parts of it that are less wide"};
 }
 
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings) {
@@ -153,6 +154,7 @@ void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline
   findings.report.device = pipeline.device();
   findings.report.points = cloud.points.size();
   findings.step = written_step(cloud, options);
+  findings.metres_per_unit = file_info(cloud).metres_per_unit;
   findings.notes = losses(cloud, options.format, options.encoding);
 }
 
@@ -160,6 +162,7 @@ Json run_json(const Report& report, const Findings& findings) {
   return {{"version", version()},
           {"device", device_json(report.device)},
           {"points", report.points},
+          {"metres_per_unit", findings.metres_per_unit ? Json(*findings.metres_per_unit) : Json()},
           {"params", findings.is_copied ? Json() : params_json(report.params)},
           {"spacing", findings.is_copied ? Json() : Json(findings.spacing)},
           {"noise", noise_json(report, findings)},

@@ -4,6 +4,7 @@
 
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -23,11 +24,12 @@ struct Findings {
   double spacing = 0, noise = 0;  // of the input
   std::string noise_attribute;    // that the noise comes from; empty: it is estimated
   std::array<double, 3> noise_quantiles{};
-  double step = 0;            // between the coordinates written, where these are integers
-  double float_step = 0;      // as in Estimates
-  std::uint64_t ignored = 0;  // finite points left out by --ignore
-  std::uint64_t held = 0;     // others that the limits did not let move, and that are no outliers
-  OutlierCounts removed;      // that the file written does not have
+  double step = 0;                        // between the coordinates written, where these are integers
+  double float_step = 0;                  // as in Estimates
+  std::optional<double> metres_per_unit;  // where the file says so
+  std::uint64_t ignored = 0;              // finite points left out by --ignore
+  std::uint64_t held = 0;                 // others that the limits did not let move, and that are no outliers
+  OutlierCounts removed;                  // that the file written does not have
   Statistics displacement;
   std::vector<std::string> notes;
   std::vector<std::string> page_notes;  // the first of them, where a page says lengths in mm or m
@@ -40,7 +42,7 @@ void count_limited(const Cloud& cloud, const Limits& limits, std::span<const std
 // The estimates are of the points that were not ignored. `keeps_normals`: those in the file stay.
 void find_out(bool keeps_normals, const WriteOptions& options, const Cloud& before, const Cloud& after,
               Pipeline& pipeline, std::stop_token stop, Findings& findings);
-// What is not done in zones where the run was: normals that are written, and the noise of each point.
+// What is not done in zones where the run was: normals that are written.
 std::vector<std::string> notes_on_one_origin(const Report& report);
 // Of a run at strength 0, whose points are written as they were.
 void find_copied(const WriteOptions& options, const Cloud& cloud, const Pipeline& pipeline, Findings& findings);

@@ -43,15 +43,25 @@ void leave_notes_out(const fs::path& folder, std::vector<fs::path>& files) {
   files.erase(notes.begin(), notes.end());
 }
 
-std::vector<fs::path> clouds_in(const fs::path& folder) {
+std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_format) {
+  const bool takes_floats = in_format == "kitti" || in_format == "nuscenes";
   std::vector<fs::path> files;
+  bool has_floats = false;
   std::error_code failed;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
-    const bool is_hidden = entry.path().filename().string().starts_with('.');
-    if (!is_hidden && entry.is_regular_file() && format_of(entry.path())) files.push_back(entry.path());
+    if (entry.path().filename().string().starts_with('.') || !entry.is_regular_file()) continue;
+    const bool is_floats = entry.path().extension() == ".bin";
+    has_floats = has_floats || is_floats;
+    if (takes_floats ? is_floats : format_of(entry.path()).has_value()) files.push_back(entry.path());
   }
   if (failed) fail(folder, "this folder cannot be read: " + failed.message());
-  if (files.empty()) fail(folder, "there are no point clouds in this folder; name another");
+  if (files.empty() && has_floats)
+    fail(folder,
+         "there are no point clouds in this folder but .bin files, which do not say what they hold: give "
+         "--in-format kitti or nuscenes, and --each to run");
+  if (files.empty())
+    fail(folder,
+         fmt::format("there are no {} in this folder; name another", takes_floats ? ".bin files" : "point clouds"));
   std::sort(files.begin(), files.end());
   leave_notes_out(folder, files);
   return files;
@@ -93,20 +103,20 @@ bool is_survey(const std::string& input) {
   return is_vpc(input) || fs::is_directory(input, ignored);
 }
 
-std::string described_survey(const std::string& input) {
-  const std::size_t files = (is_vpc(input) ? clouds_of(input) : clouds_in(input)).size();
+std::string described_survey(const std::string& input, const std::string& in_format) {
+  const std::size_t files = (is_vpc(input) ? clouds_of(input) : clouds_in(input, in_format)).size();
   return fmt::format("{}: is a {} of {} point cloud{}", input, is_vpc(input) ? "virtual point cloud (VPC)" : "folder",
                      files, files == 1 ? "" : "s");
 }
 
-std::vector<fs::path> files_of_survey(const std::vector<std::string>& inputs) {
+std::vector<fs::path> files_of_survey(const std::vector<std::string>& inputs, const std::string& in_format) {
   std::vector<fs::path> files;
   for (const std::string& input : inputs) {
     if (!is_survey(input)) {
       files.emplace_back(input);
       continue;
     }
-    const std::vector<fs::path> its = is_vpc(input) ? clouds_of(input) : clouds_in(input);
+    const std::vector<fs::path> its = is_vpc(input) ? clouds_of(input) : clouds_in(input, in_format);
     files.insert(files.end(), its.begin(), its.end());
   }
   return files;

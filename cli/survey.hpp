@@ -12,11 +12,13 @@ namespace pointfair::cli {
 bool is_survey(const std::string& input);
 
 /// What such an input is, for an error: "scans: is a folder of 3 point clouds". Throws as files_of_survey.
-std::string described_survey(const std::string& input);
+std::string described_survey(const std::string& input, const std::string& in_format);
 
 /// The files that the inputs stand for: of a folder all clouds in it, in the order of their names, of a VPC those that
-/// it names, in its order. Throws Error(file) for a folder without clouds, and a VPC that is damaged or names files
+/// it names, in its order. `in_format`: as --in-format; that of plain floats asks for the .bin files of folders, which
+/// do not say what they hold. Throws Error(file) for a folder without clouds, and a VPC that is damaged or names files
 /// elsewhere than on disk.
-std::vector<std::filesystem::path> files_of_survey(const std::vector<std::string>& inputs);
+std::vector<std::filesystem::path> files_of_survey(const std::vector<std::string>& inputs,
+                                                   const std::string& in_format = {});
 
 }  // namespace pointfair::cli

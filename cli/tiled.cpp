@@ -119,6 +119,7 @@ Json report_json(const TiledReport& report, const DeviceInfo& device, const Cost
   return {{"version", version()},
           {"device", device_json(device)},
           {"points", report.points},
+          {"metres_per_unit", report.metres_per_unit ? Json(*report.metres_per_unit) : Json()},
           {"params", params_json(report.params)},
           {"spacing", report.spacing ? Json(*report.spacing) : Json()},
           {"noise", noise_json(report)},

@@ -74,6 +74,32 @@ TEST(FileInfos, TheUnitIsThatOfTheProjectionNotOfItsAnglesOrHeights) {
   EXPECT_EQ(info_of(las_with({{2112, "]]]],\"\"[["}})).metres_per_unit, std::nullopt);
 }
 
+TEST(FileInfos, HeightsOfAnotherUnitAreTold) {
+  const auto height = [](const std::string& text) { return info_of(las_with({{2112, text}})).metres_per_height; };
+  const std::string plane = "PROJCS[\"UTM\",UNIT[\"metre\",1]]";
+  EXPECT_EQ(height("COMPD_CS[\"both\"," + plane + ",VERT_CS[\"h\",UNIT[\"foot\",0.3048]]]"), 0.3048);
+  EXPECT_EQ(height("COMPD_CS[\"both\"," + plane + ",VERT_CS[\"h\",UNIT[\"metre\",1]]]"), std::nullopt);
+  EXPECT_EQ(height("COMPOUNDCRS[\"both\",PROJCRS[\"UTM\",CS[Cartesian,2],LENGTHUNIT[\"metre\",1]],"
+                   "VERTCRS[\"h\",CS[vertical,1],AXIS[\"up\",up,LENGTHUNIT[\"foot\",0.3048]]]]"),
+            0.3048);
+  const std::string solid =
+      "PROJCRS[\"3D\",CS[Cartesian,3],AXIS[\"x\",east,LENGTHUNIT[\"metre\",1]],AXIS[\"y\",north,"
+      "LENGTHUNIT[\"metre\",1]],AXIS[\"h\",up,LENGTHUNIT[\"foot\",0.3048]]]";
+  EXPECT_EQ(height(solid), 0.3048);
+  EXPECT_EQ(info_of(las_with({{2112, solid}})).metres_per_unit, 1);
+  EXPECT_EQ(height(plane), std::nullopt);
+  EXPECT_EQ(height("COMPD_CS[\"both\",GEOGCS[\"WGS 84\",UNIT[\"degree\",0.017]],VERT_CS[\"h\",UNIT[\"foot\",0.3]]]"),
+            std::nullopt);
+  const auto of_keys = [](std::initializer_list<std::pair<int, int>> keys) {
+    return info_of(las_with({{34735, geo_keys(keys)}})).metres_per_height;
+  };
+  EXPECT_EQ(of_keys({{3072, 32633}, {4099, 9002}}), 0.3048);
+  EXPECT_EQ(of_keys({{3072, 2994}, {3076, 9002}, {4099, 9001}}), 1);
+  EXPECT_EQ(of_keys({{3072, 2994}, {3076, 9002}, {4099, 9003}}), std::nullopt);  // feet of two kinds
+  EXPECT_EQ(of_keys({{3072, 32633}, {4099, 9001}}), std::nullopt);
+  EXPECT_EQ(of_keys({{3072, 32633}}), std::nullopt);
+}
+
 TEST(FileInfos, AGeographicSystemIsOneOfDegrees) {
   const auto wkt = [](const std::string& text) { return info_of(las_with({{2112, text}})).is_geographic; };
   const std::string wgs = "GEOGCS[\"WGS 84\",DATUM[\"d\"],UNIT[\"degree\",0.017]]";

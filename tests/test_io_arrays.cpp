@@ -262,6 +262,55 @@ TEST(Npy, DamagedFilesAreRefusedInOneLine) {
   refusal(npy("'<f4'", "(1, 2, 3)", six, true), "a.npy");
 }
 
+std::string bytes_of(const std::vector<float>& values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size() * sizeof(float)};
+}
+
+// A turn of a lidar: points at 8 to 12 m, and `zeros` where nothing came back.
+std::vector<float> turn_of_lidar(std::size_t zeros) {
+  std::vector<float> values;
+  for (std::size_t i = 0; i < 400; ++i) {
+    const auto angle = float(i);
+    const float range = 8 + float(i % 5);
+    for (const float value : {range * std::cos(angle), range * std::sin(angle), -1.7F, 0.5F}) values.push_back(value);
+    if (i < zeros) values.insert(values.end(), 4, 0.0F);
+  }
+  return values;
+}
+
+std::size_t count_invalid(const Cloud& cloud) {
+  return std::size_t(std::ranges::count_if(cloud.points, [](const Point& p) { return !std::isfinite(p.x); }));
+}
+
+TEST(PlainFloats, ZerosWhereNothingIsNearAreNoPoints) {
+  const std::string pcd_head =
+      "VERSION 0.7\nFIELDS x y z intensity\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 1 1 1 1\nHEIGHT 1\n"
+      "VIEWPOINT 0 0 0 1 0 0 0\n";
+  for (const std::size_t zeros : {0U, 1U, 2U, 300U}) {
+    const std::vector<float> values = turn_of_lidar(zeros);
+    const std::string floats = bytes_of(values), points = std::to_string(values.size() / 4);
+    const std::string pcd = pcd_head + "WIDTH " + points + "\nPOINTS " + points + "\nDATA binary\n" + floats;
+    for (const auto& [file, name, format] : {std::tuple{floats, "0.bin", Format::kitti}, {pcd, "0.pcd", Format::pcd}}) {
+      const Cloud cloud = parse(file, name, format);
+      EXPECT_EQ(count_invalid(cloud), zeros < 2 ? 0 : zeros) << zeros;
+      EXPECT_EQ(image(cloud, format), file);
+      std::vector<Position> written(cloud.points.size());
+      positions(parse(image(cloud, Format::ply), "0.ply"), written);
+      EXPECT_EQ(std::size_t(std::ranges::count(written, Position{})), zeros)
+          << "in another format they are zeros again";
+    }
+  }
+}
+
+TEST(PlainFloats, ASurfaceThroughTheOriginKeepsItsPointsThere) {
+  std::vector<float> values;
+  for (int copy = 0; copy < 3; ++copy)
+    for (int x = -10; x <= 10; ++x)
+      for (int y = -10; y <= 10; ++y) values.insert(values.end(), {float(x), float(y), 0, 0});
+  EXPECT_EQ(count_invalid(parse(bytes_of(values), "0.bin", Format::kitti)), 0);
+  EXPECT_EQ(count_invalid(parse(bytes_of(std::vector<float>(40)), "0.bin", Format::kitti)), 0) << "nothing else";
+}
+
 TEST(PlainFloats, KittiAndNuscenesAreReadWhereTheyAreNamed) {
   const std::string kitti = packed<float>({1, 2, 3, 0.5F, 4, 5, 6, 0.25F}),
                     nuscenes = packed<float>({1, 2, 3, 50, 7, 4, 5, 6, 60, 8});

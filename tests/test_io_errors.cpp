@@ -31,6 +31,7 @@ const std::vector<Bad>& bad_files() {
   static const std::vector<Bad> all = {
       {"a.ply", "", "is empty"},
       {"a.foo", "1 2 3\n", "unknown format"},
+      {"a.bin", std::string(32, '\1'), "--in-format kitti or nuscenes"},
       {"a.ply", "1 2 3\n", "does not begin with 'ply'"},
       {"a.ply", "ply\nformat ascii 1.0\nelement vertex 1\n", "no 'end_header'"},
       {"a.ply", "ply\nelement vertex 1\n" + kXyz + "end_header\n1 2 3\n", "no 'format' line"},

@@ -210,6 +210,17 @@ TEST(ViewerSession, TheNoiseAtEachPointComesInTheOrderOfThePage) {
   }
 }
 
+TEST(ViewerSession, AResultCountsTheOutliersThatWerePulledIn) {
+  Points points = shapes::plane(900);
+  points.push_back({points[450].x, points[450].y, points[450].z + 0.2F});
+  Pipeline pipeline = loaded(points);
+  pipeline.run({.outliers = Outliers::move});
+  ASSERT_GT(pipeline.report().pulled.total(), 0u);
+  Seat seat(points);
+  seat.ask(run_text(1, {{"outliers", "move"}}));
+  EXPECT_EQ(seat.page.wait_for("result", 1).head["pulled"], pipeline.report().pulled.total());
+}
+
 TEST(ViewerSession, AnOrganisedCloudSaysWhatItsGridTellsOfTheSensor) {
   std::string bytes =
       "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH 40\nHEIGHT 40\nPOINTS 1600\n"

@@ -83,6 +83,7 @@ Json result_answer(const Request& request, const Report& report, const Displacem
           {"moved", {{"mean", moved.mean}, {"rms", moved.rms}, {"max", moved.max}}},
           {"unmoved", report.unmoved.total()},
           {"reasons", reasons_json(report.unmoved)},
+          {"pulled", report.pulled.total()},
           {"notes", notes},
           {"stages", stages_json(report.stages)},
           {"total_ms", report.total_milliseconds},

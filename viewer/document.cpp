@@ -296,6 +296,8 @@ std::vector<std::string> Document::notes_on(const Request& request, const Displa
     const std::vector<std::string> on_grid = notes_on_grid(cloud_);
     notes.insert(notes.end(), on_grid.begin(), on_grid.end());
   }
+  const std::vector<std::string> on_units = notes_on_units(cloud_);
+  notes.insert(notes.end(), on_units.begin(), on_units.end());
   if (params.connectivity == Connectivity::automatic && limits.strength > 0)
     notes.insert(notes.end(), notes_on_faces_.begin(), notes_on_faces_.end());
   return notes;

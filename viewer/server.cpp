@@ -318,6 +318,7 @@ void serve(const std::filesystem::path& input, const ServerOptions& options,
     read_options.threads = options.device.threads;
     Cloud cloud = read(input, read_options);
     check_not_geographic(cloud);
+    parse_viewpoints(options.viewpoint, cloud);  // refuses names of attributes that it has not
     server.open(std::move(cloud), input);
   }
   ready(server.url());

@@ -18,11 +18,12 @@ struct FileInfo {
   struct Row {
     std::string name, value;
   };
-  std::vector<Row> rows;                  ///< for people: version, software, coordinate system, ...
-  std::optional<double> metres_per_unit;  ///< of the coordinates, where the file says so
+  std::vector<Row> rows;                    ///< for people: version, software, coordinate system, ...
+  std::optional<double> metres_per_unit;    ///< of the coordinates, where the file says so
+  std::optional<double> metres_per_height;  ///< of Z, where it has another unit than X and Y, and the file says both
   double step = 0;                ///< between coordinates that are stored as integers, on the coarsest axis; else 0
   std::optional<Format> format;   ///< of the file; unset for a cloud made in memory
-  std::uint64_t grid_width = 0;   ///< of an organised PCD file: points a row, row by row; else 0
+  std::uint64_t grid_width = 0;   ///< of an image of points (organised PCD, NPY): points a row; else 0
   std::uint64_t grid_height = 0;  ///< rows of that grid
   bool is_octree = false;         ///< a COPC file, whose points are in the order of an octree
   bool is_geographic = false;     ///< X and Y are longitude and latitude in degrees, so distances mean nothing

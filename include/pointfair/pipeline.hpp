@@ -162,14 +162,15 @@ class POINTFAIR_EXPORT Pipeline {
   /// The unit normals of the last run's last iteration, in file order; zero where there is none. They look towards the
   /// sensor where its place is known (set_viewpoint), and have arbitrary signs elsewhere and in memory of a card.
   /// `out` has as many elements as points were loaded. Throws ErrorKind::usage if the last run failed or if a cloud was
-  /// loaded since. O(N); of a cloud in tiles as long as an iteration.
+  /// loaded since, or for a cloud in zones whose coordinates around one origin step by more than its spacing: its
+  /// normals are computed there. O(N); of a cloud in tiles as long as an iteration.
   void normals(std::span<Point> out, std::stop_token stop = {});
 
   /// The standard deviation of the noise at each point of the loaded cloud, in file units and in upload order: its
   /// level at that place, times params.noise or, where that is `auto`, times estimates().noise. NaN for an invalid
   /// point. No other parameter is read. `out` has as many elements as points were loaded, else throws ErrorKind::usage.
   /// O(N) and 12 bytes a point, besides what estimates() measures on its first call; the same bits on any device and in
-  /// tiles.
+  /// tiles, and of a cloud in zones what was measured in these.
   void noise(std::span<float> out, const Params& params = {}, std::stop_token stop = {});
 
  private:

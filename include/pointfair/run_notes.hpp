@@ -19,6 +19,9 @@
 
 namespace pointfair {
 
+/// A length in file units with so many digits; where their length is known, as in FileInfo, in mm or m.
+POINTFAIR_EXPORT std::string length_text(double length, std::optional<double> metres_per_unit, int digits = 4);
+
 /// The largest step between 32-bit floats within these bounds. O(1).
 POINTFAIR_EXPORT double stored_float_step(const Position& min, const Position& max);
 
@@ -58,6 +61,12 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_faces(const Cloud& cloud);
 /// Of a run on an organised cloud that was given no place of the sensor, and found none by distances: where the sensor
 /// stood by the grid, or that neither the file nor its grid say it. Throws as file_info.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const Cloud& cloud);
+
+/// The same of an image of points without a file, row by row: `viewpoint` as image_viewpoint gives it.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_grid(const std::optional<Position>& viewpoint);
+
+/// Of a file whose heights have another unit than its X and Y: both, and what makes them one. Throws as file_info.
+POINTFAIR_EXPORT std::vector<std::string> notes_on_units(const Cloud& cloud);
 
 /// Of a file whose points moved and which keeps the normals that it had: that they are those from before, and what
 /// renews them. `format`: of the file that is written; unset: that of the cloud's own. Throws as file_info.

@@ -82,6 +82,7 @@ struct TiledReport {
   bool is_of_lines = false;                 ///< the same
   double coordinate_step = 0;               ///< the same
   std::string noise_attribute;              ///< with the given noise; empty: it was estimated
+  std::optional<double> metres_per_unit;    ///< as in FileInfo, where one of the inputs says so
   Position min{}, max{};                    ///< bounds of the finite points, in the coordinates of the files
   double diagonal = 0;                      ///< as in Estimates
   std::optional<Position> sensor;           ///< the one place of the sensor that was given, or that all files say

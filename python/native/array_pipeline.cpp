@@ -49,6 +49,8 @@ void ArrayPipeline::forget() {
   own_.clear();
   before_ = {};
   ignored_.clear();
+  viewpoints_.reset();
+  grid_notes_.clear();
   points_ = 0;
 }
 
@@ -58,7 +60,14 @@ void ArrayPipeline::hold(Kind kind, std::size_t points, ScalarType type) {
   type_ = type;
 }
 
-void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
+void ArrayPipeline::look_for_camera(const auto& points, std::size_t width) {
+  if (width == 0) return;
+  const std::optional<Position> found = image_viewpoint(points, width);
+  if (found) set_viewpoint({&*found, 1});
+  grid_notes_ = notes_on_grid(found);
+}
+
+void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits, std::size_t width) {
   const std::span<const Point> points = as_points(coordinates);
   forget();
   if (choose_origin(points) == Position{}) {
@@ -72,15 +81,17 @@ void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits) {
     pipeline_.load(before_.points);
   }
   hold(Kind::floats, points.size());
+  look_for_camera(points, width);
 }
 
-void ArrayPipeline::load(std::span<const double> coordinates, bool) {
+void ArrayPipeline::load(std::span<const double> coordinates, bool, std::size_t width) {
   const std::span<const Position> positions = as_positions(coordinates);
   forget();
   own_.assign(positions.begin(), positions.end());
   before_ = make_cloud(own_);
   before_.source ? pipeline_.load(before_) : pipeline_.load(before_.points);
   hold(Kind::doubles, positions.size(), ScalarType::float64);
+  look_for_camera(positions, width);
 }
 
 void ArrayPipeline::load(const DevicePoints& points, DeviceStream stream) {
@@ -100,21 +111,38 @@ void ArrayPipeline::load(const Cloud& cloud, const Limits& limits) {
   pipeline_.load(part ? *part : cloud);
   before_ = cloud;
   ignored_ = limits.ignore;
+  grid_notes_ = notes_on_grid(cloud);
   hold(Kind::cloud, cloud.points.size());
 }
 
 void ArrayPipeline::set_viewpoint(std::span<const Position> positions) {
-  if (before_.source || (kind_ != Kind::floats && kind_ != Kind::doubles)) return pipeline_.set_viewpoint(positions);
-  std::vector<Position> relative(positions.begin(), positions.end());  // as the pipeline got the points
-  for (Position& position : relative)
-    for (std::size_t axis = 0; axis < 3; ++axis) position[axis] -= before_.origin[axis];
-  pipeline_.set_viewpoint(relative);
+  std::vector<Position> own(positions.begin(), positions.end());
+  if (!before_.source && (kind_ == Kind::floats || kind_ == Kind::doubles)) {
+    std::vector<Position> relative = own;  // as the pipeline got the points
+    for (Position& position : relative)
+      for (std::size_t axis = 0; axis < 3; ++axis) position[axis] -= before_.origin[axis];
+    pipeline_.set_viewpoint(relative);
+  } else {
+    pipeline_.set_viewpoint(own);
+  }
+  viewpoints_ = std::move(own);
+  grid_notes_.clear();
 }
 
 void ArrayPipeline::set_viewpoint(const std::string& text) {
   if (kind_ != Kind::cloud)
     throw Error(ErrorKind::usage, "names of attributes need a Cloud: give the viewpoint as an array");
-  pipeline_.set_viewpoint(parse_viewpoints(text, before_));
+  const std::vector<Position> places = parse_viewpoints(text, before_);
+  set_viewpoint(places);
+}
+
+std::vector<std::string> ArrayPipeline::notes_on_file(const Estimates& estimates) const {
+  std::vector<std::string> notes =
+      notes_on_viewpoints(viewpoints_ ? *viewpoints_ : file_viewpoints(before_), before_.origin, estimates);
+  if (!pipeline_.report().found_sensor) notes.insert(notes.end(), grid_notes_.begin(), grid_notes_.end());
+  const std::vector<std::string> on_units = notes_on_units(before_);
+  notes.insert(notes.end(), on_units.begin(), on_units.end());
+  return notes;
 }
 
 Report ArrayPipeline::report() const {

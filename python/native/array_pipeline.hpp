@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <stop_token>
 #include <string>
@@ -25,9 +26,10 @@ class ArrayPipeline {
   explicit ArrayPipeline(Device device) : pipeline_(device) {}
 
   /// A load that is refused leaves what was loaded before; one that fails later leaves nothing.
-  /// `for_limits`: keeps a copy of float positions, which runs with limits need. Doubles are always kept.
-  void load(std::span<const float> coordinates, bool for_limits);
-  void load(std::span<const double> coordinates, bool for_limits);
+  /// `for_limits`: keeps a copy of float positions, which runs with limits need. Doubles are always kept. `width`: of
+  /// an image of points row by row, whose camera is looked for; else 0.
+  void load(std::span<const float> coordinates, bool for_limits, std::size_t width = 0);
+  void load(std::span<const double> coordinates, bool for_limits, std::size_t width = 0);
   /// Positions on the pipeline's card, after what `stream` was given before.
   void load(const DevicePoints& points, DeviceStream stream);
   /// Points that `limits.ignore` holds are nobody's neighbours.
@@ -60,8 +62,11 @@ class ArrayPipeline {
   const Position& origin() const { return before_.origin; }
   Pipeline& pipeline() { return pipeline_; }
   Report report() const;  // of the last run, places in the coordinates that were loaded
+  /// What the program says of the place of the sensor and of units.
+  std::vector<std::string> notes_on_file(const Estimates& estimates) const;
 
  private:
+  void look_for_camera(const auto& points, std::size_t width);
   void hold(Kind kind, std::size_t points, ScalarType type = ScalarType::float32);
   void check(Kind kind, std::size_t coordinates) const;
   std::vector<Point> moved(const Params& params, const Limits& limits, const Watch& watch);
@@ -73,6 +78,8 @@ class ArrayPipeline {
   ScalarType type_ = ScalarType::float32;  // of an array
   Cloud before_;                           // origin; and the points where something needs them
   std::vector<Selection> ignored_;
+  std::optional<std::vector<Position>> viewpoints_;  // given, or found in an image, in the coordinates that were loaded
+  std::vector<std::string> grid_notes_;              // until a place is given
   std::vector<Position> own_;  // the positions in double, unless floats without an origin were loaded
 };
 

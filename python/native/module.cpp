@@ -56,6 +56,8 @@ void translate(const std::exception_ptr& exception, void*) {
 }  // namespace
 
 std::string in_python(std::string message) {
+  rename_flag(message, "--viewpoint x,y,z", "viewpoint=(x, y, z)");
+  rename_flag(message, "--viewpoint none", "viewpoint=(nan, nan, nan)");
   for (const ParamInfo& info : kParams) rename_flag(message, flag_of(info.name), info.name);
   for (const std::string_view name : kLimitNames) rename_flag(message, flag_of(name), name);
   for (const std::string_view name : {"viewpoint", "columns", "skip", "strict", "encoding", "device"})

@@ -90,8 +90,8 @@ class SharedPipeline {
 };
 
 template <class Scalar>
-void load(SharedPipeline& self, const Input<Scalar>& coordinates, bool for_limits) {
-  self.load(coordinates.shape(0), [&](ArrayPipeline& arrays) { arrays.load(span_of(coordinates), for_limits); });
+void load(SharedPipeline& self, const Input<Scalar>& coordinates, bool for_limits, std::size_t width) {
+  self.load(coordinates.shape(0), [&](ArrayPipeline& arrays) { arrays.load(span_of(coordinates), for_limits, width); });
 }
 
 void load_cloud(SharedPipeline& self, const Cloud& cloud, const std::string& ignore) {
@@ -175,6 +175,7 @@ std::vector<std::string> notes(SharedPipeline& self, const Params& asked, const 
     const Estimates& found = pipeline.estimates(watch.stop);
     result = notes_on_run(asked, found, arrays.report(), {moves[0], moves[1], moves[2], moves[3]},
                           arrays.stored_float_step(found));
+    std::ranges::move(arrays.notes_on_file(found), std::back_inserter(result));
   });
   std::ranges::transform(result, result.begin(), in_python);
   return result;
@@ -273,7 +274,7 @@ Rows devices() {
 
 template <class Scalar>
 void bind_scalar(nb::class_<SharedPipeline>& pipeline, nb::module_& module) {
-  pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"))
+  pipeline.def("load", &load<Scalar>, nb::arg("coordinates").noconvert(), nb::arg("for_limits"), nb::arg("width") = 0)
       .def("run", &run<Scalar>, nb::arg("params"), nb::arg("out").noconvert(), nb::arg("strength"),
            nb::arg("box").none(), nb::arg("mask").noconvert().none(), nb::arg("where"), nb::arg("progress").none());
   module.def("denoise_batch", &batch<Scalar>, nb::arg("pipeline"), nb::arg("device"),

@@ -144,6 +144,7 @@ class Layout:
     def __init__(self, array: np.ndarray[Any, Any], like: Any) -> None:
         self.shape, self.dtype = array.shape, array.dtype
         self.grid = array.shape[:-1]
+        self.width = self.grid[1] if len(self.grid) == 2 else 0  # pixels a row of an image
         self.order: Literal["C", "F"] = "F" if abs(array.strides[0]) < abs(array.strides[-1]) else "C"
         self.last = array[..., 3] if array.shape[-1] == 4 else None
         self.wrap = wrapper(like)

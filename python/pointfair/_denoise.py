@@ -66,7 +66,8 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             point; (0, 0, 0) in a camera's own coordinates. Points between two surfaces along the ray are then outliers,
             normals look to the sensor, and along="ray" is possible. With a Cloud also the names of three attributes,
             "vx,vy,vz", or "none"; by default what its file says. Without it, a run that measures the noise looks for the
-            place in the distances between points, for mixed pixels alone; (nan, nan, nan): none is looked for.
+            place in the grid of an image of points, where the rays of a camera meet, and else in the distances between points,
+            there for mixed pixels alone; (nan, nan, nan): none is looked for.
         faces: for connectivity="mesh", the numbers of the points of each face, (F, 3) for triangles, (F, 4) for quads; a
             Cloud has those of its file.
         weights: for method="learned", a file of weights in place of the program's own: its path, or its bytes.
@@ -168,7 +169,7 @@ def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, stre
     positions = layout.without_empty_pixels(rows(array))
     bytes_ = as_mask(mask, len(positions), layout.grid)
     result = Result(layout, out)
-    pipeline.load(positions, strength != 1 or box is not None or bytes_ is not None)
+    pipeline.load(positions, strength != 1 or box is not None or bytes_ is not None, layout.width if viewpoint is None else 0)
     if viewpoint is not None:
         set_viewpoint(pipeline, viewpoint, layout.grid)
     if faces is not None:

@@ -85,7 +85,7 @@ class Pipeline(Generic[Points]):
         array = as_numpy(points)
         check_positions(array, images=True)
         layout = Layout(array, points).keep()
-        self._native.load(layout.without_empty_pixels(rows(array)), True)
+        self._native.load(layout.without_empty_pixels(rows(array)), True, layout.width)
         self._layout, self._on_card, self._given = layout, None, set()
 
     def run(
@@ -159,7 +159,8 @@ class Pipeline(Generic[Points]):
     def notes(self, moved: Any = 0.0) -> list[str]:
         """Why the result of the last run may not be what it seems, in sentences, as the program prints them: floats
         that are coarse so far from 0, points too sparse for their noise, noise or moves that are large against the
-        cloud, noise that neighbours share, rows too far apart, points that show no surface. `moved` are the lengths that
+        cloud, noise that neighbours share, rows too far apart, points that show no surface, where the grid of an image shows
+        its camera. `moved` are the lengths that
         points moved, an array; without it neither large moves nor such rows are told. Empty where there is nothing to
         say. Measures what estimates() does; O(N) for `moved`.
 
@@ -191,7 +192,7 @@ class Pipeline(Generic[Points]):
         sensor where its place is known, and have arbitrary signs elsewhere and on a card. `out`, an array on the
         pipeline's card, takes them without a copy through the host. Raises UsageError if the last run failed or if a
         cloud was loaded since. Of a cloud that is too wide for floats around one origin, which runs in zones, they are
-        coarse, and so is `noise()`."""
+        coarse, or refused where they would mean nothing."""
         if out is not None:
             if type(out) is np.ndarray or not _card.is_on_card(out):
                 raise UsageError("out takes an array on the pipeline's card: leave it out for one in host memory")
@@ -234,8 +235,8 @@ class Pipeline(Generic[Points]):
         """Gives the place where the sensor stood, in the coordinates of the loaded points: (3,), or (N, 3) with a
         position for each point; None: none, and none is looked for. With a Cloud also the names of three attributes,
         "vx,vy,vz", or "none". Holds until the next load; a load of a Cloud takes what its file says. A position that is
-        not finite is unknown. Without this call, a run that measures the noise looks for the place in the distances between
-        points (Report.found_sensor), for mixed pixels alone.
+        not finite is unknown. Without this call, the place is where the rays of an image of points meet, and else a run that
+        measures the noise looks for it in the distances between points (Report.found_sensor), for mixed pixels alone.
 
         Examples:
             >>> rng = np.random.default_rng(1)

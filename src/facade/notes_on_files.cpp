@@ -9,9 +9,11 @@
 #include <system_error>
 #include <vector>
 
+#include "io/camera_centre.hpp"
 #include "io/faces.hpp"
 #include "io/sensor_place.hpp"
 #include "io/source.hpp"
+#include "io/text.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/normals.hpp"
 #include "pointfair/run_notes.hpp"
@@ -60,15 +62,39 @@ std::vector<std::string> notes_on_faces(const Cloud& cloud) {
   return counter.notes();
 }
 
+namespace {
+
+const std::string kWithPlace = "--viewpoint x,y,z finds points between two surfaces (mixed pixels)";
+
+std::string note_on_place(const std::string& place) {
+  return "the sensor stood at " + place + "; --viewpoint none takes no place";
+}
+
+}  // namespace
+
 std::vector<std::string> notes_on_grid(const Cloud& cloud) {
   const FileInfo info = file_info(cloud);
   if (info.grid_width == 0) return {};
   for (const FileInfo::Row& row : info.rows)
-    if (row.name == "sensor") return {"the sensor stood at " + row.value + "; --viewpoint none takes no place"};
+    if (row.name == "sensor") return {note_on_place(row.value)};
   if (io::has_sensor(*cloud.source)) return {};
-  return {
-      "the file does not say where the sensor stood, and its grid does not tell: --viewpoint x,y,z finds points "
-      "between two surfaces (mixed pixels)"};
+  return {"the file does not say where the sensor stood, and its grid does not tell: " + kWithPlace};
+}
+
+std::vector<std::string> notes_on_grid(const std::optional<Position>& viewpoint) {
+  if (viewpoint) return {note_on_place(io::where_rays_meet(*viewpoint))};
+  return {"the grid of the image does not tell where the sensor stood: " + kWithPlace};
+}
+
+std::vector<std::string> notes_on_units(const Cloud& cloud) {
+  const FileInfo info = file_info(cloud);
+  if (!info.metres_per_height) return {};
+  const auto factor = [](double value) { return io::listed_numbers({&value, 1}, 10); };
+  const double plane = *info.metres_per_unit, height = *info.metres_per_height;
+  return {"heights are in units of " + factor(height) + " m, X and Y in units of " + factor(plane) +
+          " m, and were taken for one unit, so that lengths, noise and shape are wrong: scale the heights first, "
+          "pdal translate IN OUT assign --filters.assign.value=\"Z = Z * " +
+          factor(height / plane) + "\" for instance, and the result's back"};
 }
 
 std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format) {

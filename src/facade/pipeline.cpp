@@ -193,7 +193,10 @@ void Pipeline::normals(const DeviceOutput& out, DeviceStream stream) {
 }
 
 void Pipeline::noise(std::span<float> out, const Params& params, std::stop_token stop) {
-  with_one_kind_of_error([&] { state_->noise(out, in_units_of(state_->shell, params).noise, stop); });
+  with_one_kind_of_error([&] {
+    if (state_->wide) state_->measure_in_zones(stop);
+    state_->noise(out, in_units_of(state_->shell, params).noise, stop);
+  });
 }
 
 }  // namespace pointfair

@@ -36,10 +36,7 @@ std::string written(double value, std::chars_format format, int digits) {
 }
 
 std::string told(double length, const Look& look, int digits = 4) {
-  const auto rounded = [&](double value) { return written(value, std::chars_format::general, digits); };
-  if (!look.metres_per_unit) return rounded(length);
-  const double metres = length * *look.metres_per_unit;
-  return metres < 1 ? rounded(1000 * metres) + " mm" : rounded(metres) + " m";
+  return length_text(length, look.metres_per_unit, digits);
 }
 
 std::string whole(double value) { return written(value, std::chars_format::fixed, 0); }
@@ -288,6 +285,13 @@ std::vector<std::string> notes_on_run(const Params& asked, const Estimates& esti
                 .metres_per_unit = metres_per_unit});
   add_found_sensor(report.found_sensor, mixed_pixels_of(report), estimates.diagonal, notes);
   return notes;
+}
+
+std::string length_text(double length, std::optional<double> metres_per_unit, int digits) {
+  const auto rounded = [&](double value) { return written(value, std::chars_format::general, digits); };
+  if (!metres_per_unit) return rounded(length);
+  const double metres = length * *metres_per_unit;
+  return metres < 1 ? rounded(1000 * metres) + " mm" : rounded(metres) + " m";
 }
 
 std::vector<std::string> notes_on_viewpoints(std::span<const Position> viewpoints, const Position& origin,

@@ -209,6 +209,7 @@ TiledReport TiledRun::report() const {
     const Position& origin = measured.origin;
     report.min = {origin[0] + bounds.min.x, origin[1] + bounds.min.y, origin[2] + bounds.min.z};
     report.max = {origin[0] + bounds.max.x, origin[1] + bounds.max.y, origin[2] + bounds.max.z};
+    report.metres_per_unit = folder.plan.metres_per_unit;
     report.diagonal = diagonal_of(bounds);
     report.sensor = folder.plan.sensor;
     if (!report.sensor) report.found_sensor = one_sensor(state_->settings(), origin);

@@ -6,6 +6,7 @@
 #include "io/placed_source.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/run_state.hpp"
+#include "pointfair/run_notes.hpp"
 #include "scale/wide_cloud.hpp"
 
 namespace pointfair {
@@ -52,16 +53,25 @@ void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
   if (estimates) return;
   const scale::Measured found = wide->measure({{}, {}, false, given_noise_}, stop);
   tell(found.estimate, found.bounds, wide->zones().float_step());
+  of_zones = found.estimate;
 }
 
 void Pipeline::State::run_for_normals(const std::stop_token& stop) {
   if (!wide_run) return;
-  const Report of_zones = report;
+  measure_in_zones(stop);
+  const double step = scale::float_step_around(shell.source->sample(), shell.origin);
+  if (step > estimates->spacing)
+    throw Error(ErrorKind::usage,
+                "the cloud is too wide for normals, which are computed around one origin: there its coordinates step "
+                "by " +
+                    length_text(step, {}) + ", and points are " + length_text(estimates->spacing, {}) +
+                    " apart; ask for those of parts that are less wide");
+  const Report report_of_zones = report;
   std::vector<std::uint8_t> marks = outliers;
   std::vector<Point> unused(cloud.points());
   run(*wide_run, unused, stop, {});
   wide_run.reset();
-  report = of_zones;
+  report = report_of_zones;
   outliers = std::move(marks);
 }
 

@@ -5,6 +5,9 @@
 #include <cmath>
 #include <vector>
 
+#include "io/text.hpp"
+#include "pointfair/viewpoint.hpp"
+
 namespace pointfair::io {
 namespace {
 
@@ -13,6 +16,7 @@ constexpr double kPixelError = 0.1;                                // root mean 
 constexpr double kApart = 20;        // times the least eigenvalue: of a plane, four are about as small
 constexpr double kAgreement = 0.01;  // of the distance
 constexpr double kFarthest = 1000;   // sizes of the cloud; beyond, rays count as parallel
+constexpr double kNothing = 1e-6;    // of the distance: what rounding leaves of the 0 of a camera's own coordinates
 
 using Row = std::array<double, kUnknowns>;
 using Matrix = std::array<Row, kUnknowns>;
@@ -160,25 +164,66 @@ std::optional<Position> camera_centre(std::span<const PixelPoint> points) {
   const double apart = std::max(distance(centre, of_one), distance(centre, of_other));
   if (!(from_points < kFarthest) || !(apart < kAgreement * from_points)) return std::nullopt;
   Position place{};
-  for (std::size_t axis = 0; axis < 3; ++axis) place[axis] = scales.mean[axis] + scales.size * centre[axis];
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    place[axis] = scales.mean[axis] + scales.size * centre[axis];
+    if (std::abs(place[axis]) < kNothing * scales.size * from_points) place[axis] = 0;
+  }
   return place;
 }
 
+namespace {
+
+// Some thousand points of an image, row by row.
+class PixelSample {
+ public:
+  PixelSample(std::uint64_t points, std::uint64_t width)
+      : step_(std::max<std::uint64_t>(1, points / kMost) | 1), width_(width) {}  // not every second point of a row
+
+  void take(std::uint64_t first, std::size_t count, const auto& position_of) {
+    for (std::uint64_t i = (first + step_ - 1) / step_ * step_; i < first + count; i += step_) {
+      const Position its = position_of(static_cast<std::size_t>(i - first));
+      const bool is_finite = std::isfinite(its[0]) && std::isfinite(its[1]) && std::isfinite(its[2]);
+      if (!is_finite || its == Position{}) continue;  // some cameras give zeros where they see nothing
+      points_.push_back({its, {double(i % width_), double(i / width_)}});
+    }
+  }
+  std::optional<Position> centre() const { return camera_centre(points_); }
+
+ private:
+  std::uint64_t step_, width_;
+  std::vector<PixelPoint> points_;
+};
+
+}  // namespace
+
 std::optional<Position> camera_centre(const Source& source, std::uint64_t width) {
-  const std::uint64_t step = std::max<std::uint64_t>(1, source.size() / kMost) | 1;  // not every second point of a row
-  std::vector<PixelPoint> points;
+  PixelSample sample(source.size(), width);
   for (std::size_t block = 0; block < source.block_count(); ++block) {
     std::vector<Position> own(source.block_size(block));
     source.positions(block, own);
-    const std::uint64_t begin = source.block_begin(block);
-    for (std::uint64_t i = (begin + step - 1) / step * step; i < begin + own.size(); i += step) {
-      const Position& its = own[static_cast<std::size_t>(i - begin)];
-      const bool is_finite = std::isfinite(its[0]) && std::isfinite(its[1]) && std::isfinite(its[2]);
-      if (!is_finite || its == Position{}) continue;  // some cameras give zeros where they see nothing
-      points.push_back({its, {double(i % width), double(i / width)}});
-    }
+    sample.take(source.block_begin(block), own.size(), [&](std::size_t i) { return own[i]; });
   }
-  return camera_centre(points);
+  return sample.centre();
+}
+
+std::string where_rays_meet(const Position& place) {
+  return listed_numbers(place, 6) + ", where the rays of the grid meet";
 }
 
 }  // namespace pointfair::io
+
+namespace pointfair {
+
+std::optional<Position> image_viewpoint(std::span<const Point> points, std::size_t width) {
+  io::PixelSample sample(points.size(), width);
+  sample.take(0, points.size(), [&](std::size_t i) { return Position{points[i].x, points[i].y, points[i].z}; });
+  return sample.centre();
+}
+
+std::optional<Position> image_viewpoint(std::span<const Position> points, std::size_t width) {
+  io::PixelSample sample(points.size(), width);
+  sample.take(0, points.size(), [&](std::size_t i) { return points[i]; });
+  return sample.centre();
+}
+
+}  // namespace pointfair

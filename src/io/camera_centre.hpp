@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 
 #include "io/source.hpp"
 
@@ -26,5 +27,8 @@ std::optional<Position> camera_centre(std::span<const PixelPoint> points);
 
 /// The same of some thousand points of a file that lie row by row.
 std::optional<Position> camera_centre(const Source& source, std::uint64_t width);
+
+/// That place in words.
+std::string where_rays_meet(const Position& place);
 
 }  // namespace pointfair::io

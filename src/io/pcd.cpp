@@ -4,17 +4,15 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <mutex>
 
-#include "io/camera_centre.hpp"
 #include "io/colors.hpp"
 #include "io/column_names.hpp"
 #include "io/formats.hpp"
 #include "io/lzf.hpp"
 #include "io/parallel.hpp"
 #include "io/pcd_header.hpp"
-#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
+#include "io/sensor_source.hpp"
 #include "io/text_source.hpp"
 
 namespace pointfair::io {
@@ -71,41 +69,13 @@ TableColumn coordinate_column(const std::vector<Position>& positions, std::size_
 
 // A PCD file whose points are lines of text or binary, as Base says.
 template <class Base>
-class PcdSource : public PixelSource<Base> {
+class PcdSource : public SensorSource<Base> {
  public:
   template <class... Arguments>
   PcdSource(PcdHeader header, std::shared_ptr<const char[]> unpacked, Arguments&&... arguments)
-      : PixelSource<Base>(header.height > 1, std::forward<Arguments>(arguments)...),
+      : SensorSource<Base>(header.height > 1 ? header.width : 0, std::forward<Arguments>(arguments)...),
         header_(std::move(header)),
         unpacked_(std::move(unpacked)) {}
-
-  // The default says nothing: many programs write it where they do not know. The rays of a camera's image do.
-  std::optional<Position> sensor(std::size_t) const override {
-    const std::optional<Position> told = told_sensor();
-    return told || header_.height <= 1 ? told : camera();
-  }
-
-  bool says_sensor() const override { return header_.height <= 1 || told_sensor().has_value(); }
-
-  std::optional<Position> told_sensor() const {
-    const std::vector<std::string_view> words = words_of(header_.viewpoint);
-    Position place{};
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const std::optional<double> value = axis < words.size() ? to_number(words[axis]) : std::nullopt;
-      if (!value || !std::isfinite(*value)) return std::nullopt;
-      place[axis] = *value;
-    }
-    return place == Position{} ? std::nullopt : std::optional(place);
-  }
-
-  FileInfo info() const override {
-    FileInfo result = Base::info();
-    if (header_.height <= 1) return result;
-    result.grid_width = header_.width, result.grid_height = header_.height;
-    if (told_sensor() || !camera()) return result;
-    result.rows.push_back({"sensor", listed_numbers(place_to_show(), 6) + ", where the rays of the grid meet"});
-    return result;
-  }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = Base::contents();
@@ -147,24 +117,19 @@ class PcdSource : public PixelSource<Base> {
     return pcd_header_of(text, header_.line_end, left);
   }
 
+  // The default says nothing: many programs write it where they do not know.
+  std::optional<Position> told_sensor() const override {
+    const std::vector<std::string_view> words = words_of(header_.viewpoint);
+    Position place{};
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      const std::optional<double> value = axis < words.size() ? to_number(words[axis]) : std::nullopt;
+      if (!value || !std::isfinite(*value)) return std::nullopt;
+      place[axis] = *value;
+    }
+    return place == Position{} ? std::nullopt : std::optional(place);
+  }
+
  private:
-  // The camera's, with 0 for what is nothing against the distance of the points.
-  Position place_to_show() const {
-    Position place = *camera();
-    double farthest = 0;
-    for (const Position& p : this->some_positions())
-      for (std::size_t axis = 0; axis < 3; ++axis)
-        if (std::isfinite(p[axis])) farthest = std::max(farthest, std::abs(p[axis] - place[axis]));
-    for (double& value : place)
-      if (std::abs(value) < 1e-6 * farthest) value = 0;
-    return place;
-  }
-
-  const std::optional<Position>& camera() const {
-    std::call_once(is_fitted_, [&] { camera_ = camera_centre(*this, header_.width); });
-    return camera_;
-  }
-
   void write_as(const Cloud& cloud, Encoding encoding, Output& out) const {
     Table table = make_table(cloud);
     std::vector<TableColumn> columns;
@@ -219,8 +184,6 @@ class PcdSource : public PixelSource<Base> {
   }
 
   PcdHeader header_;
-  mutable std::once_flag is_fitted_;
-  mutable std::optional<Position> camera_;  // where the rays of an image meet, once asked for
   std::shared_ptr<const char[]> unpacked_;
 };
 

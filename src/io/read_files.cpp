@@ -35,6 +35,8 @@ Format choose_format(std::string_view bytes, const std::string& name, const Read
   const std::filesystem::path path(name);
   if (const auto format = format_of(path)) return *format;
   if (!path.has_extension() && io::looks_like_numbers(bytes)) return Format::xyz;
+  if (path.extension() == ".bin")
+    io::fail(name, "does not say what it holds: give --in-format kitti or nuscenes where it is a frame of these");
   io::fail(name, std::string("unknown format; say which it is (--in-format), or name the file ") +
                      io::kKnownExtensions +
                      "; a format of another program is to be exported from there, as E57, LAS or PLY");

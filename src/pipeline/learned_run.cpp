@@ -141,7 +141,7 @@ OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::
     Sampling& sampling = backend.sampling();
     for (const Copy& copy : cloud.copies_aside())  // the net sees none
       measured[copy.point] = out[copy.point] = {kNoPlace, kNoPlace, kNoPlace};
-    tell_noise(measured, sigma, noise);
+    tell_noise(measured, sigma, levels().get(), noise);
     const Frame its = frame();
     const std::shared_ptr<const NetWeights> weights = weights_ ? weights_ : own_net_weights();
     const Classical classical{measured, out, normals, noise, held};

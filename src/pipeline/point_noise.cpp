@@ -25,19 +25,26 @@ void Pipeline::State::noise(std::span<float> out, const Length& typical, const s
   Params params{.noise = typical};
   check_params(params);
   attempt([&] {
-    measure({false, true}, IndexOrder::along_curve, stop);
-    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).params.noise.value;
     std::vector<Point> points(out.size());
     cloud.backend().download_input(points);
-    tell_noise(points, sigma, out);
+    if (wide) {  // the levels are so coarse that points around one origin find theirs
+      const double sigma = typical.is_automatic()
+                               ? of_zones->noise.sigma
+                               : pointfair::resolve(params, *of_zones, estimates->diagonal).params.noise.value;
+      return tell_noise(points, sigma, of_zones->levels.get(), out);
+    }
+    measure({false, true}, IndexOrder::along_curve, stop);
+    const double sigma = typical.is_automatic() ? noise().sigma : resolve_once(params, stop).params.noise.value;
+    tell_noise(points, sigma, levels().get(), out);
   });
 }
 
-void Pipeline::State::tell_noise(std::span<const Point> points, double sigma, std::span<float> out) {
+void Pipeline::State::tell_noise(std::span<const Point> points, double sigma, const NoiseLevels* levels,
+                                 std::span<float> out) {
   const std::size_t blocks = (out.size() + kBlock - 1) / kBlock;
   cloud.backend().sampling().for_each_on_host(blocks, [&](std::size_t block) {
     for (std::size_t i = block * kBlock; i < std::min(out.size(), (block + 1) * kBlock); ++i)
-      out[i] = is_indexed(points[i]) ? float(sigma) * noise_level_at(levels().get(), points[i]) : kNoNoise;
+      out[i] = is_indexed(points[i]) ? float(sigma) * noise_level_at(levels, points[i]) : kNoNoise;
   });
 }
 

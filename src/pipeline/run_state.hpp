@@ -64,6 +64,7 @@ struct Pipeline::State {
   bool runs_in_zones(const Params& params) const;
   Cloud run_in_zones(const Params& params, const std::stop_token& stop, const ProgressFunction& progress);
   void measure_in_zones(const std::stop_token& stop);
+  std::optional<Estimate> of_zones;                   // what that found; as long as `estimates`
   void run_for_normals(const std::stop_token& stop);  // around one origin, if the last run was in zones
   std::shared_ptr<scale::WideCloud> wide;             // null: it needs none
   std::vector<Origin> wide_viewpoints;
@@ -96,7 +97,7 @@ struct Pipeline::State {
   double noise_to_refine_by(const Params& used) const;
   OutlierCounts refine_outside(int iteration, double sigma, std::span<Point> out, const DisplacementLimits& limits,
                                std::span<std::uint8_t> marks, const std::stop_token& stop, const NetProgress& progress);
-  void tell_noise(std::span<const Point> points, double sigma, std::span<float> out);
+  void tell_noise(std::span<const Point> points, double sigma, const NoiseLevels* levels, std::span<float> out);
   void run_to_end(const Params& params, const Delivery& to, const std::stop_token& stop,
                   const ProgressFunction& progress);
   // Clouds from `first` to before `end` that are computed together, or one that is computed alone.

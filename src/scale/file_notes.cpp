@@ -30,6 +30,7 @@ std::vector<FileNote> notes_on(const TiledJob& job, const std::shared_ptr<const 
     add(FileNote::Kind::loss_by_removal, io::losses_by_removal(*source));
   const Cloud shell{.origin = source->origin(), .source = source};
   add(FileNote::Kind::remark, notes_on_waveforms(shell));
+  if (job.limits.strength > 0) add(FileNote::Kind::remark, notes_on_units(shell));
   add(FileNote::Kind::remark, notes_on_materials(shell, file.path, file.output, source->format()));
   if (job.params.connectivity == Connectivity::automatic && job.limits.strength > 0)
     add(FileNote::Kind::remark, notes_on_faces(shell));

@@ -335,6 +335,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
     refuse_other_unit(*source, with_unit);
+    if (with_unit) plan.metres_per_unit = with_unit->info().metres_per_unit;
     const Params params = in_units_of_file(job.params, *source, job.inputs.size() > 1);
     if (sources.size() > 1 && params != plan.params)
       refuse(platform::text_of(file.path) +

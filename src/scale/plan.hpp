@@ -54,10 +54,11 @@ struct Plan {
   std::uint64_t points = 0;
   int iterations = 1;
   std::size_t tiles = 1;
-  Zones zones;                 ///< as guessed; the first measurement corrects them
-  double coordinate_step = 0;  ///< the least of the files'
-  bool stores_floats = false;  ///< a binary file does, of its coordinates
-  bool is_placed = false;      ///< the zones are known, and not guessed
+  Zones zones;                            ///< as guessed; the first measurement corrects them
+  double coordinate_step = 0;             ///< the least of the files'
+  std::optional<double> metres_per_unit;  ///< of the first file that says it
+  bool stores_floats = false;             ///< a binary file does, of its coordinates
+  bool is_placed = false;                 ///< the zones are known, and not guessed
   std::vector<InputFile> files;
   std::vector<InputChunk> chunks;
 };

@@ -73,6 +73,7 @@ void read_line(const std::string& line, Plan& plan) {
     plan.outlier_action.kind = OutlierAction::Kind(kind);
     if (value >= 0) plan.outlier_action.value = static_cast<std::uint8_t>(value);
   }
+  if (key == "unit") plan.metres_per_unit = parse_number(in);
   if (key == "noise") plan.noise_attribute = rest();
   if (key == "viewpoint") plan.viewpoint = rest();
   if (key == "seeks_sensor") plan.seeks_sensor = true;
@@ -109,6 +110,7 @@ std::string text_of(const Plan& plan) {
   for (const double c : plan.zones.origin) out << " " << text_of(c);
   out << "\nzones " << text_of(plan.zones.side) << " " << text_of(plan.coordinate_step);
   if (plan.stores_floats) out << "\nfloats";
+  if (plan.metres_per_unit) out << "\nunit " << text_of(*plan.metres_per_unit);
   out << "\nwrite " << (plan.write.format ? int(*plan.write.format) : -1) << " "
       << (plan.write.encoding ? int(*plan.write.encoding) : -1) << " " << text_of(plan.write.las_scale.value_or(0))
       << " " << int(plan.write.overwrite) << " " << int(plan.write.sync) << "\n";

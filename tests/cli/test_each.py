@@ -5,6 +5,7 @@ import json
 import os
 import shutil
 import signal
+import struct
 import subprocess
 import time
 import unittest
@@ -34,6 +35,23 @@ class Each(Case):
             self.ok("run", self.stations / name, self.path(name), "-q")
             self.assertEqual((self.out / name).read_bytes(), self.path(name).read_bytes())
 
+    def test_a_folder_of_plain_floats_is_named_by_its_format(self):
+        frames = self.path("frames")
+        frames.mkdir()
+        (frames / "times.txt").write_text("0.1 0.2 0.3\n")
+        for name, radius in (("0.bin", 5), ("1.bin", 6)):
+            frame = b"".join(struct.pack("<4f", *(radius * c for c in p), 0.5) for p in sphere_points(600, 0))
+            (frames / name).write_bytes(frame)
+        self.ok("run", frames, "--in-format", "kitti", "--each", "--out-dir", self.out, "-q")
+        self.assertEqual(sorted(path.name for path in self.out.iterdir()), ["0.bin", "1.bin"])
+        self.assertEqual(len(self.report("info", frames, "--in-format", "kitti")["files"]), 2)
+        self.fails(3, "run", frames, self.path("o.ply"), "--in-format", "kitti", says="2 point clouds")
+        (frames / "times.txt").unlink()
+        self.fails(3, "run", frames, "--each", "--out-dir", self.out, says=["do not say what they hold", "--in-format kitti"])
+        (frames / "0.bin").unlink()
+        (frames / "1.bin").unlink()
+        self.fails(3, "info", frames, "--in-format", "kitti", says="no .bin files")
+
     def test_without_it_all_are_one_cloud_and_the_run_says_so(self):
         result = self.ok("run", self.stations, "--out-dir", self.out)
         self.assertIn("3 files are one cloud; --each", result.stderr.decode())
@@ -55,6 +73,7 @@ class Each(Case):
         self.assertIn("b.ply", rows[1]["error"])
         self.assertAlmostEqual(float(rows[0]["noise"]), 0.01, delta=0.004)
         self.assertGreater(float(rows[0]["moved_mean"]), 0.001)
+        self.assertEqual([row["metres_per_unit"] for row in rows], ["", "", ""])
 
     def test_rows_in_json_have_the_report_of_each(self):
         self.each("--report", self.path("rows.json"), "-q")

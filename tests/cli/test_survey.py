@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What surveyors ask for: classes, units, integer grids, normals that go stale."""
+import csv
+import json
 import struct
 import unittest
 
@@ -65,6 +67,36 @@ class Survey(Case):
         units = {row.rsplit("/", 1)[-1]: row[46:56].strip() for row in rows[1:]}
         self.assertEqual(rows[0][46:56].strip(), "unit")
         self.assertEqual(units, {"degrees.las": "degrees", "feet.las": "0.3048 m", "none.las": "unknown", "tile.las": "1 m"})
+
+    def test_reports_of_runs_have_the_unit(self):
+        feet = write_las(self.path("feet.las"), ground(900), [2] * 900, crs=FEET)
+        none = write_las(self.path("none.las"), ground(900), [2] * 900, crs=b"")
+        units = ((feet, 0.3048), (none, None), (self.las, 1))
+        for las, unit in units:
+            for words in ([], ["--tiles", 3], ["--strength", 0]):
+                report = self.report("run", las, self.path("out.las"), "--force", "-q", *words)
+                self.assertEqual(report["metres_per_unit"], unit, words)
+        for name in ("rows.csv", "rows.json"):
+            words = ["--each", "--out-dir", self.path(name + ".d"), "--report", self.path(name), "-q"]
+            self.ok("run", feet, none, self.las, *words)
+        with open(self.path("rows.csv"), newline="") as file:
+            self.assertEqual([row["metres_per_unit"] for row in csv.DictReader(file)], ["0.3048", "", "1"])
+        rows = json.loads(self.path("rows.json").read_text())["files"]
+        self.assertEqual([row["run"]["metres_per_unit"] for row in rows], [unit for _, unit in units])
+
+    def test_heights_of_another_unit_are_told(self):
+        wkt = b'COMPD_CS["both",PROJCS["UTM",UNIT["metre",1]],VERT_CS["heights",UNIT["US survey foot",0.304800609601219]]]'
+        las = write_las(self.path("mixed.las"), ground(900), [2] * 900, crs=wkt)
+        note = "heights are in units of 0.3048006096 m, X and Y in units of 1 m"
+        for words in ([], ["--tiles", 3]):
+            said = self.ok("run", las, self.path("out.las"), "--force", *words).stderr.decode()
+            self.assertIn(note, said)
+            self.assertIn('"Z = Z * 0.3048006096"', said)
+        self.assertNotIn("heights", self.ok("run", las, self.path("out.las"), "--force", "--strength", 0).stderr.decode())
+        self.assertNotIn("heights", self.ok("run", self.las, self.path("out.las"), "--force").stderr.decode())
+        self.assertIn("unit of heights    0.3048006096 m", self.ok("info", las).stdout.decode())
+        self.assertAlmostEqual(self.report("info", las)["file"]["metres_per_height"], 0.3048006)
+        self.assertEqual(self.report("info", self.las)["file"]["metres_per_height"], 1)
 
     def test_distances_between_feet_and_metres_are_refused(self):
         feet = write_las(self.path("feet.las"), ground(2500), self.classes, crs=FEET)

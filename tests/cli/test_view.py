@@ -308,6 +308,8 @@ class View(Case):
         self.fails(3, "view", self.path("none.ply"), "--no-open", says="none.ply")
         self.fails(2, "view", "-", "--no-open", says="needs a file")
         self.fails(2, "view", "--no-open", "--viewpoint", "0,0,0", says="name the file")
+        says = ["--viewpoint", "no attribute 'vx'"]
+        self.fails(2, "view", self.cloud, "--no-open", "--port", 0, "--viewpoint", "vx,vy,vz", says=says)
         self.fails(2, "view", self.cloud, "--port", "99999")
         taken = str(urlsplit(self.url).port)
         self.fails(1, "view", self.cloud, "--no-open", "--port", taken, says="choose another --port")

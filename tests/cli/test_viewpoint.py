@@ -108,6 +108,19 @@ class Viewpoint(Case):
             done = self.ok(*words)
             self.assertIn("500.5, -1, 0.25, where the rays of the grid meet", (done.stdout + done.stderr).decode())
 
+    def test_the_image_of_a_camera_tells_it_in_a_numpy_file_too(self):
+        side = 2 * HALF + 1
+        points, _ = scan(is_camera=True)
+        head = f"{{'descr': '<f8', 'fortran_order': False, 'shape': ({side}, {side}, 3), }}".ljust(117) + "\n"
+        body = b"".join(struct.pack("<3d", *p) for p in points)
+        self.path("image.npy").write_bytes(b"\x93NUMPY\x01\x00" + struct.pack("<H", len(head)) + head.encode() + body)
+        image = self.organised("image.pcd", points)
+        both = [self.report("run", file, self.path("found" + file.suffix)) for file in (self.path("image.npy"), image)]
+        self.assertGreater(both[0]["outliers"]["mixed_pixels"], 0)
+        for key in ("outliers", "notes", "displacement"):
+            self.assertEqual(both[0][key], both[1][key])
+        self.assertEqual(self.report("info", self.path("image.npy"))["file"]["grid"], [side, side])
+
     def test_the_grid_of_a_scanner_that_turns_asks_for_it(self):
         turned = self.organised("turned.pcd", self.points)
         note = "--viewpoint x,y,z finds points between two surfaces"

@@ -10,7 +10,7 @@ import subprocess
 import time
 import unittest
 
-from program import BIN, Case
+from program import BIN, Case, read_ply
 from survey_files import ground, las_grid, write_las
 from test_tiled import write_binary
 
@@ -154,10 +154,23 @@ class Zones(Case):
         for words in (["--write-noise"], ["--write-displacement"]):
             result = self.ok("run", self.wide, self.path("more.las"), "--force", "--k", 8, *words)
             self.assertIn("in zones where", result.stderr.decode())
-            self.assertEqual("around one origin all the same" in result.stderr.decode(), "--write-noise" in words)
+            self.assertNotIn("around one origin all the same", result.stderr.decode())
             self.assertEqual(las_grid(self.path("more.las")), las_grid(self.path("alone.las")))
         result = self.ok("run", self.wide, self.path("normals.ply"), "--k", 8, "--normals", "write")
         self.assertIn("around one origin all the same", result.stderr.decode())
+
+    def test_the_noise_of_each_point_follows_zones_and_normals_that_would_mean_nothing_are_refused(self):
+        """Two planes 10,000 km apart, where floats around one origin step by a metre."""
+        generator = random.Random(4)
+        points = [(dx + generator.uniform(0, 7), generator.uniform(0, 7), generator.gauss(0, 0.02))
+                  for dx in (0, 1e7) for _ in range(20000)]
+        cloud = write_binary(self.path("two.ply"), points, "double")
+        for words, expected in (([], 0.02), (["--noise", 0.03], 0.03), (["--noise", "0.4s"], 0.02)):
+            self.ok("run", cloud, self.path("noise.ply"), "-q", "--force", "--write-noise", *words)
+            noise = [row["noise"] for row in read_ply(self.path("noise.ply"))]
+            self.assertGreater(min(noise), 0.7 * expected, words)
+            self.assertLess(max(noise), 1.4 * expected, words)
+        self.fails(2, "run", cloud, self.path("normals.ply"), "--normals", "write", says=["too wide for normals", "less wide"])
 
     def test_what_follows_no_zones_is_done_around_one_origin(self):
         result = self.ok("run", self.wide, self.path("out.las"), "--method", "learned")

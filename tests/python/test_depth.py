@@ -61,6 +61,32 @@ def organised(path, image, intensity):
                      f"VIEWPOINT 0 0 0 1 0 0 0\nPOINTS {len(rows)}\nDATA binary\n".encode() + rows.tobytes())
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_an_image_has_the_camera_that_its_file_has(tmp_path, dtype):
+    image = frames(np.float32)[1]
+    image[20:40:2, 24], image[7, 9] = image[20:40:2, 24] * 1.2, 0  # between the box and the wall
+    organised(tmp_path / "in.pcd", image, np.zeros(HEIGHT * WIDTH))
+    pipeline = pf.Pipeline("cpu")
+    pipeline.load(pf.read(tmp_path / "in.pcd"))
+    of_file = pipeline.run(outliers="keep").xyz.reshape(image.shape)
+    file_report, file_notes = pipeline.report, pipeline.notes()
+    assert file_report.unmoved.outliers_by_reason.mixed_pixels > 0
+    assert any("where the rays of the grid meet; viewpoint=(nan, nan, nan)" in note for note in file_notes), file_notes
+    points = image.astype(dtype)
+    pipeline.load(points)
+    result = pipeline.run(outliers="keep")
+    measured = (image != 0).any(axis=-1)
+    assert same_bits(result[measured].astype(np.float32), of_file[measured].astype(np.float32))
+    assert pipeline.report.unmoved == file_report.unmoved
+    assert pipeline.notes() == file_notes
+    assert same_bits(pf.denoise(points, outliers="keep"), result)
+    pipeline.load(points)
+    pipeline.set_viewpoint(None)
+    pipeline.run(outliers="keep")
+    assert pipeline.report.unmoved.outliers_by_reason.mixed_pixels == 0
+    assert not any("rays of the grid" in note for note in pipeline.notes())
+
+
 def test_an_organised_file_is_an_image(tmp_path):
     points = frames()[1]
     points[3, 5:9], points[30:34, 60] = np.nan, 0

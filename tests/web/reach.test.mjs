@@ -167,6 +167,21 @@ test("a full status line keeps what counts in sight, and says the rest under the
   assert.match(await page.locator(".status .device").getAttribute("title"), /^(cpu|cuda) · .+: ./);
 });
 
+test("on a small screen messages leave the line of the notes free, and the status counts what was pulled in", async (t) => {
+  const folder = temporaryFolder(t);
+  const file = sheet(folder, "scan.xyz", 60, 0.02, true);
+  appendFileSync(file, `\n${Array.from({ length: 900 }, (_, i) => `${(i * 7919) % 61} ${(i * 104729) % 59} ${5 + ((i * 1299709) % 37)}`).join("\n")}\n`);
+  const { page } = await show(t, [file, "--save-folder", folder], "#outliers=move", { viewport: { width: 360, height: 640 } });
+  await settled(page);
+  assert.match(await page.locator(".status .kept").textContent(), /^\d+ outliers pulled in/);
+  const notes = await page.locator(".notes summary").boundingBox();
+  for (let i = 0; i < 3; ++i) await page.evaluate(() => document.querySelector("#save").click());
+  await page.waitForFunction(() => document.querySelectorAll(".toast").length > 1);
+  const visible = await page.locator(".toast:visible").all();
+  assert.equal(visible.length, 1, "the last message alone");
+  assert.ok((await visible[0].boundingBox()).y >= notes.y + notes.height, "below the line of the notes");
+});
+
 for (const [width, height] of [[390, 844], [320, 568]]) {
   test(`on a phone of ${width} x ${height} nothing is cut off, and fingers turn and wipe`, models, async (t) => {
     const { page } = await start(t, { viewport: { width, height }, hasTouch: true, isMobile: true }, "#view.mode=wipe&view.colour=displacement");

@@ -58,17 +58,24 @@ class WktReader {
     values_.back().emplace_back(value);
   }
 
-  // A unit counts if it is not of angles: those stand in the geographic part; and not of heights alone.
+  // A unit counts if it is not of angles: those stand in the geographic part. Heights have theirs in a system or an
+  // axis of their own.
   void end_node(const std::vector<std::string>& path) {
     const std::string& node = path.back();
     const std::vector<std::string>& values = values_.back();
-    const bool elsewhere = std::any_of(path.begin(), path.end(), [](const std::string& word) {
-      return is_one_of(word, {"GEOGCS", "BASEGEOGCRS", "GEOGCRS", "BASEGEODCRS", "GEODCRS", "GEODETICCRS", "VERT_CS",
-                              "VERTCRS", "CONVERSION", "ELLIPSOID", "PRIMEM"});
-    });
-    if (is_one_of(node, {"UNIT", "LENGTHUNIT"}) && !elsewhere && !result_.metres_per_unit && values.size() >= 2) {
+    const auto lies_in = [&](std::initializer_list<std::string_view> names) {
+      return std::any_of(path.begin(), path.end(), [&](const std::string& word) { return is_one_of(word, names); });
+    };
+    if (is_one_of(node, {"UNIT", "LENGTHUNIT"}) && values.size() >= 2 &&
+        !lies_in({"GEOGCS", "BASEGEOGCRS", "GEOGCRS", "BASEGEODCRS", "GEODCRS", "GEODETICCRS", "CONVERSION",
+                  "ELLIPSOID", "PRIMEM"})) {
+      const std::vector<std::string>* const axis =
+          path.size() > 1 && path[path.size() - 2] == "AXIS" ? &values_[values_.size() - 2] : nullptr;
+      const bool is_up = axis && axis->size() > 1 && is_one_of((*axis)[1], {"up", "down"});
+      const bool is_of_heights = is_up || lies_in({"VERT_CS", "VERTCRS", "VERTICALCRS"});
+      std::optional<double>& unit = is_of_heights ? result_.metres_per_height : result_.metres_per_unit;
       const std::optional<double> metres = to_number(values[1]);
-      if (metres && *metres > 0) result_.metres_per_unit = metres;
+      if (!unit && metres && *metres > 0) unit = metres;
     }
     const bool is_horizontal = std::all_of(path.begin(), path.end() - 1, [](const std::string& word) {
       return is_one_of(word, {"COMPD_CS", "COMPOUNDCRS", "BOUNDCRS", "SOURCECRS"});
@@ -107,7 +114,7 @@ bool is_utm(unsigned code) {
 }
 
 CoordinateSystem from_keys(std::string_view data, std::string_view text) {
-  constexpr unsigned kModel = 1024, kGeographic = 2048, kProjected = 3072, kLinearUnits = 3076;
+  constexpr unsigned kModel = 1024, kGeographic = 2048, kProjected = 3072, kLinearUnits = 3076, kVerticalUnits = 4099;
   constexpr unsigned kGeographicModel = 2;
   constexpr unsigned kMetre = 9001, kFoot = 9002, kSurveyFoot = 9003, kUserDefined = 32767;
   const std::map<unsigned, unsigned> keys = short_keys(data);
@@ -122,10 +129,15 @@ CoordinateSystem from_keys(std::string_view data, std::string_view text) {
   const unsigned model = value(kModel);
   result.is_geographic =
       value(kProjected) == 0 && (model == kGeographicModel || (model == 0 && value(kGeographic) != 0));
-  const unsigned unit = value(kLinearUnits);
-  if (unit == kMetre || (unit == 0 && is_utm(value(kProjected)))) result.metres_per_unit = 1;
-  if (unit == kFoot) result.metres_per_unit = 0.3048;
-  if (unit == kSurveyFoot) result.metres_per_unit = 1200.0 / 3937;
+  const auto metres_of = [&](unsigned key) -> std::optional<double> {
+    const unsigned unit = value(key);
+    if (unit == kMetre) return 1;
+    if (unit == kFoot) return 0.3048;
+    return unit == kSurveyFoot ? std::optional(1200.0 / 3937) : std::nullopt;
+  };
+  result.metres_per_unit = metres_of(kLinearUnits);
+  if (value(kLinearUnits) == 0 && is_utm(value(kProjected))) result.metres_per_unit = 1;
+  result.metres_per_height = metres_of(kVerticalUnits);
   return result;
 }
 

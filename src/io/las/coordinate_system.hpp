@@ -10,9 +10,10 @@
 namespace pointfair::io::las {
 
 struct CoordinateSystem {
-  std::string name;                       ///< empty: the file does not say
-  std::optional<double> metres_per_unit;  ///< none: the file does not say, or the unit is an angle
-  bool is_geographic = false;             ///< X and Y are angles
+  std::string name;                         ///< empty: the file does not say
+  std::optional<double> metres_per_unit;    ///< none: the file does not say, or the unit is an angle
+  std::optional<double> metres_per_height;  ///< the same of Z, where heights have a unit of their own
+  bool is_geographic = false;               ///< X and Y are angles
 };
 
 CoordinateSystem coordinate_system(const Header& header);

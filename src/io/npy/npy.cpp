@@ -4,8 +4,8 @@
 #include "io/formats.hpp"
 #include "io/npy/header.hpp"
 #include "io/parallel.hpp"
-#include "io/pixel_source.hpp"
 #include "io/record_source.hpp"
+#include "io/sensor_source.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io {
@@ -15,11 +15,11 @@ namespace {
 // How many axes the points have.
 std::size_t axes_of(const Header& header) { return header.shape.size() - (header.is_structured ? 0 : 1); }
 
-class NpySource final : public PixelSource<RecordSource> {
+class NpySource final : public SensorSource<RecordSource> {
  public:
   NpySource(const Header& header, FileBytes bytes, std::string name, RecordLayout layout, std::string_view points)
-      : PixelSource(axes_of(header) == 2, std::move(bytes), std::move(name), Format::npy, Encoding::binary,
-                    std::move(layout), points),
+      : SensorSource(axes_of(header) == 2 ? header.shape[1] : 0, std::move(bytes), std::move(name), Format::npy,
+                     Encoding::binary, std::move(layout), points),
         is_columnar_(header.fortran_order && !header.is_structured),
         shape_(header.shape.begin(), header.shape.begin() + static_cast<std::ptrdiff_t>(axes_of(header))) {}
 
@@ -40,6 +40,9 @@ class NpySource final : public PixelSource<RecordSource> {
     out.write(changed);
     out.write(tail());
   }
+
+ protected:
+  bool may_be_returns() const override { return false; }  // they are numbers, as those of arrays in Python
 
  private:
   bool is_columnar_;
@@ -166,9 +169,9 @@ void write_npy(Table table, const Writing&, Output& out) {
 
 // Plain floats, as the data sets KITTI (x, y, z, intensity) and nuScenes (the same, and the ring) have them.
 std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, const Reading& reading) {
-  class Floats final : public RecordSource {
+  class Floats final : public SensorSource<RecordSource> {
    public:
-    using RecordSource::RecordSource;
+    using SensorSource<RecordSource>::SensorSource;
 
    protected:
     // Without what was added: nothing in such a file says how many floats a point has.
@@ -191,7 +194,8 @@ std::shared_ptr<Source> read_floats(FileBytes bytes, const std::string& name, co
   if (points.size() % layout.record_size != 0 || points.empty())
     fail(name, "is not a whole number of points of " + std::to_string(layout.fields.size()) +
                    " floats; is it the other of kitti and nuscenes, or cut off?");
-  return std::make_shared<Floats>(std::move(bytes), name, reading.format, Encoding::binary, std::move(layout), points);
+  return std::make_shared<Floats>(0U, std::move(bytes), name, reading.format, Encoding::binary, std::move(layout),
+                                  points);
 }
 
 }  // namespace pointfair::io

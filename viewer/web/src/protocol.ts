@@ -103,6 +103,7 @@ export interface Result {
   unmoved: number;
   /** Why; the counts are all of `unmoved`. */
   reasons: Record<string, number>;
+  pulled: number; // outliers that moved to the surface of their neighbours
   notes: string[]; // why the result may not be what it seems
   stages: { name: string; ms: number }[];
   total_ms: number;

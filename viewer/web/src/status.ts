@@ -52,10 +52,11 @@ export class Status {
   }
 
   // The number stays in sight where the reasons have no room.
-  private showKept({ unmoved, reasons }: Result): void {
+  private showKept({ unmoved, reasons, pulled }: Result): void {
     const there = Object.entries(reasons).filter(([, count]) => count > 0);
     this.reasons.textContent = `: ${there.map(([reason, count]) => `${grouped(count)} ${reason}`).join(", ")}`;
-    this.kept.replaceChildren(...(unmoved ? [h("span", {}, `${grouped(unmoved)} kept in place`), this.reasons] : []));
+    const counts = [pulled && `${grouped(pulled)} outliers pulled in`, unmoved && `${grouped(unmoved)} kept in place`].filter(Boolean).join("; ");
+    this.kept.replaceChildren(...(counts ? [h("span", {}, counts)] : []), ...(unmoved ? [this.reasons] : []));
     this.kept.title = this.kept.textContent ?? "";
   }
 
