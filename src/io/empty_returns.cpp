@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "portable.hpp"
+
 namespace pointfair::io {
 namespace {
 
@@ -22,7 +24,7 @@ void EmptyReturns::take(std::uint64_t first, std::span<const Position> positions
     if (p == Position{}) {
       ++zeros_;
     } else if ((first + i) % step_ == 0) {
-      const double distance = std::hypot(p[0], p[1], p[2]);
+      const double distance = portable::hypot(p[0], p[1], p[2]);
       if (std::isfinite(distance)) distances_.push_back(distance);
     }
   }
