@@ -300,13 +300,15 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
                                (grows && errs_by_triangulation(residuals, nearest));
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
   const bool is_local = sample.bounds.valid >= kLeastOfRows * std::uint64_t(Sampling::kLongestRow);
+  bool is_seen_shared = false;
   if (is_local && (is_triangulated || (may_be_far && is_correlated_far(from, for_noise, growth, stop)))) {
     Seen whole = seen;
     const int all_repeats = std::exchange(repeats, kMostRepeats);
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});
-    if (!result.noise.depth_has_steps && !neighbors_share_noise(nearest, result.noise.sigma)) {
+    is_seen_shared = result.noise.depth_has_steps || neighbors_share_noise(nearest, result.noise.sigma);
+    if (!is_seen_shared) {
       seen = std::move(whole);
       repeats = all_repeats;
     }
@@ -328,7 +330,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   Noise& noise = result.noise;
   const bool may_be_shared = noise.is_shared || repeats > kMostCopies * found.copies;
   noise.is_shared = noise.depth_has_steps || found.rows_share_errors ||
-                    (may_be_shared && neighbors_share_noise(nearest, noise.sigma));
+                    (may_be_shared && (is_seen_shared || neighbors_share_noise(nearest, noise.sigma)));
   noise.coordinate_step = coordinate_step;
   if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;
