@@ -96,8 +96,8 @@ inline constexpr double kMostlyCorrelated = 0.9;             // correlation, 0 t
 inline constexpr double kMostFarNoise = 0.45;         // spacings, of these copies and of all points; more is shape; 075
 inline constexpr double kFarSlowing[] = {0.25, 1.6};  // the next growth over one; less is a relief of one wave; 075
 inline constexpr double kMoreGrowth = 0.15;           // of thinned copies over that of all points; 075
-inline constexpr double kMostOfSecond = 0.8;      // residual over spacing, of every eighth point over every second; 075
-inline constexpr std::uint64_t kLeastOfRows = 4;  // rows of 1,024 points; of a smaller cloud one row sees most; 075
+inline constexpr double kMostOfSecond = 0.8;  // residual over spacing, of every eighth point over every second; 075
+inline constexpr std::uint64_t kLeastMeasurements = 256;  // of a cloud, of several points each; one row holds 64; 075
 
 // Noise that grows with the square of the distance, as the steps between pixels show it.
 inline constexpr std::size_t kStepGroups = 8;            // of samples; 076

@@ -296,14 +296,17 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const double growth = repeats == 1 ? residual_growth(residuals).flat : kEndless;
   const bool is_small = result.noise.sigma < kMostFarNoise * result.noise.surface_spacing;
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless && is_small;
-  const bool is_triangulated = (repeats == 1 && is_small && result.noise.depth_has_steps) ||
-                               (grows && errs_by_triangulation(residuals, nearest));
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
-  const bool is_local = sample.bounds.valid >= kLeastOfRows * std::uint64_t(Sampling::kLongestRow);
+  const int most_shared = int(std::min<std::uint64_t>(kMostRepeats, sample.bounds.valid / kLeastMeasurements));
+  const bool is_shared_by_steps = repeats == 1 && is_small && result.noise.depth_has_steps && most_shared > 1;
+  const auto is_shared_far = [&] {
+    return most_shared == kMostRepeats && ((grows && errs_by_triangulation(residuals, nearest)) ||
+                                           (may_be_far && is_correlated_far(from, for_noise, growth, stop)));
+  };
   bool is_seen_shared = false;
-  if (is_local && (is_triangulated || (may_be_far && is_correlated_far(from, for_noise, growth, stop)))) {
+  if (is_shared_by_steps || is_shared_far()) {
     Seen whole = seen;
-    const int all_repeats = std::exchange(repeats, kMostRepeats);
+    const int all_repeats = std::exchange(repeats, most_shared);
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});

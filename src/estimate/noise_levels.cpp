@@ -130,7 +130,7 @@ Curve curve_of(std::span<const std::uint32_t> pool, const std::vector<Shown>& sh
 constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
 using OfModels = std::array<double, kModels>;
 
-constexpr double kPriorWeight = 1 / (4 * kSpread * kSpread);  // of the typical noise
+const double kPriorWeight = 1 / (4 * kSpread * kSpread);  // of the typical noise
 
 // What all weighted least squares of Eq. 21 share whose variances are known at the same sizes.
 struct Fit {

@@ -136,6 +136,21 @@ class KeptShapes(Case):
             off = rms(z - height(x, y) for x, y, z in self.denoised([(x, y, height(x, y) + rng.gauss(0, .03)) for x, y in places]))
             self.assertLess(off, .1 * math.sqrt(100 * 100 / 1200), seed)  # spacings
 
+    def test_small_frames_with_steps_of_depth_become_planes(self):
+        for side, slope, steps in ((60, .006, 400), (50, .006, 300)):  # slope in depths at the centre for each column
+            cell, points = .24 / side, []
+            for column, row in itertools.product(range(side), repeat=2):
+                depth = steps / round(steps / (1 + slope * column))
+                points.append(((column - side / 2) * cell * depth, (row - side / 2) * cell * depth, depth))
+
+            def off(p):
+                ray = side / 2 + p[0] / (cell * p[2])
+                columns = (ray + step / 32 for step in range(-64, 65))
+                return min(math.hypot(p[0] - (c - side / 2) * cell * (1 + slope * c), p[2] - (1 + slope * c)) for c in columns)
+
+            before, after = rms(map(off, points)), rms(map(off, self.denoised(points)))
+            self.assertLess(after, .55 * before, (side, slope, steps))
+
 
 if __name__ == "__main__":
     unittest.main()
