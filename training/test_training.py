@@ -3,6 +3,7 @@
 """The generator: rays against sums by hand, and of each family that its truth is true. Skipped (77) without numpy, scipy
 or g++."""
 import pathlib
+import re
 import shutil
 import sys
 import unittest
@@ -180,6 +181,16 @@ class Measures(unittest.TestCase):
 class Switches(unittest.TestCase):
     def test_each_is_of_numbers_that_are_there(self):
         self.assertEqual({name for numbers in switches.SWITCHES.values() for name in numbers} - switches.names(), set())
+
+    def test_none_is_of_a_number_that_compilers_need(self):
+        """Numbers that are read from the environment are no constant expressions."""
+        needed = re.compile(r"static_assert\((.*)\);|constexpr [^=]*=(.*);")
+        for source in sorted((switches.ROOT / "src/estimate").glob("*.[ch]pp")):
+            if source.name == "constants.hpp":
+                continue
+            for found in needed.finditer(source.read_text()):
+                words = set(re.findall(r"\bk[A-Z]\w*", found[1] or found[2]))
+                self.assertEqual(words & switches.names(), set(), f"{source.name}: {found[0]}")
 
     def test_wrong_words_are_told(self):
         self.assertEqual(switches.numbers_of("kDamage=.5,kFlatPercent0=100"), {"kDamage": .5, "kFlatPercent0": 100})
