@@ -136,9 +136,8 @@ inline constexpr double kSameDirection = 0.99985;                    // the cosi
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
 inline constexpr std::size_t kSpans = 8;                             // spans of levels; 075
-inline constexpr double kWideningOfGaps = 1.1;     // ratio, from the nearest level to the farthest; 075
-inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
-inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012
+inline constexpr double kWideningOfGaps = 1.1;  // ratio, from the nearest level to the farthest; 075
+inline constexpr double kStepsOfGap = 3;        // steps; points on two or three values are no sheets; 075
 
 // Neighbourhoods.
 inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality

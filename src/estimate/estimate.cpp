@@ -69,30 +69,25 @@ Spacing spacing_of(const std::vector<point::SpacingSample>& samples) {
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
-// What steps add to the noise, in steps. Rounding spreads evenly over one step. The depth of a camera that matches
-// patterns errs by half a step, of half a disparity (Khoshelham and Elberink 2012).
-double noise_of_steps(CoordinateSteps::Kind kind) {
-  return kind == CoordinateSteps::Kind::depth ? kNoiseOfDepthSteps : 1 / std::sqrt(12.0);
-}
-
 // Points on one value of a coordinate fit a plane exactly, so their residuals are 0 however large the noise is.
-// Samples therefore get at least the noise that the steps add.
+// Samples therefore get at least the noise that rounding adds, which spreads evenly over one step.
+double least_noise(double step) { return step / std::sqrt(12.0); }
+
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample>& samples) {
   for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
     if (!samples[i].shows_noise) continue;
-    const double added = noise_of_steps(steps.kind) * steps.at[i];
-    samples[i].sigma = std::max(samples[i].sigma, added);
+    samples[i].sigma = std::max(samples[i].sigma, least_noise(steps.at[i]));
     if (samples[i].gap < kStepsOfGap * steps.at[i]) samples[i].gap = 0;
   }
 }
 
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSample>& samples) {
   for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
-    const double added = noise_of_steps(steps.kind) * steps.at[i];
+    const double least = least_noise(steps.at[i]);
     for (double* residual : {&samples[i].least, &samples[i].narrow, &samples[i].wide, &samples[i].widest})
-      if (*residual >= 0) *residual = std::max(*residual, added);
+      if (*residual >= 0) *residual = std::max(*residual, least);
     for (double& variance : samples[i].planes.variance)
-      if (variance >= 0) variance = std::max(variance, added * added);
+      if (variance >= 0) variance = std::max(variance, least * least);
   }
 }
 
@@ -298,7 +293,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   const bool grows = growth > kCorrelatedGrowth[0] && growth < kEndless && is_small;
   const bool may_be_far = repeats == 1 ? grows : repeats < kMostRepeats;
   const int most_shared = int(std::min<std::uint64_t>(kMostRepeats, sample.bounds.valid / kLeastMeasurements));
-  const bool is_shared_by_steps = repeats == 1 && is_small && result.noise.depth_has_steps && most_shared > 1;
+  const bool is_shared_by_steps = repeats == 1 && result.noise.depth_has_steps && most_shared > 1;
   const auto is_shared_far = [&] {
     return most_shared == kMostRepeats && ((grows && errs_by_triangulation(residuals, nearest)) ||
                                            (may_be_far && is_correlated_far(from, for_noise, growth, stop)));
