@@ -126,6 +126,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (marks) with_marks.outliers = Outliers::mark;
   if (copies) in_file_units(params, file_info(cloud).metres_per_unit);  // throws as a run does
   Cloud denoised = copies ? cloud : pipeline.run(with_marks, stop, [&](double share, std::string_view stage) {
+  if (arguments.normals != "keep") pipeline.check_normals(params, stop);
     progress.show(share, stage);
   });
   if (!denoised.source) denoised.source = cloud.source;
