@@ -26,6 +26,7 @@ struct FileInfo {
   std::uint64_t grid_width = 0;   ///< of an image of points (organised PCD, NPY): points a row; else 0
   std::uint64_t grid_height = 0;  ///< rows of that grid
   bool is_octree = false;         ///< a COPC file, whose points are in the order of an octree
+  bool has_old_classes = false;   ///< LAS point formats 0 to 5: classes 0 to 31, of which 10, 11 and 13 on are reserved
   bool is_geographic = false;     ///< X and Y are longitude and latitude in degrees, so distances mean nothing
 };
 

@@ -95,6 +95,7 @@ FileInfo LasSource::info() const {
   result.metres_per_unit = system.metres_per_unit;
   constexpr double kSame = 1e-5;  // feet of surveys and others differ by 2e-6, which no height shows
   if (system.metres_per_unit && system.metres_per_height &&
+  result.has_old_classes = header.point_format < 6;
       std::abs(*system.metres_per_height / *system.metres_per_unit - 1) > kSame)
     result.metres_per_height = system.metres_per_height;
   result.is_geographic = system.is_geographic;
