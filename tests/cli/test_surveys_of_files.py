@@ -61,6 +61,14 @@ class Surveys(Case):
             self.skipTest("built without LASzip")
         self.ok("run", self.vpc(["./a.copc.laz"]), "--out-dir", self.path("out"), "-q")
         self.assertEqual([entry.name for entry in self.path("out").iterdir()], ["a.laz"])
+        note = "the COPC index of the input no longer fits"
+        for inputs, names in ((["a.copc.laz"], ""), (["a.copc.laz", "tiles/part1.las"], "a.copc.laz: "),
+                              (["b.copc.laz", "a.copc.laz", "tiles/part1.las"], "b.copc.laz and 1 more: ")):
+            if "b.copc.laz" in inputs:
+                self.ok("run", self.tiles / "part1.las", self.path("b.copc.laz"), "--strength", "0", "-q")
+                write_las(self.tiles / "part1.las", [(x + 30, y, z) for x, y, z in ground(400)], [2] * 400)
+            said = self.ok("run", *map(self.path, inputs), "--out-dir", self.path("named"), "--force").stderr.decode()
+            self.assertIn(f"note: {names}{note}", said)
 
     def test_a_tile_of_another_coordinate_system_is_named(self):
         said = self.ok("run", self.tiles, "--out-dir", self.path("one")).stderr.decode()
