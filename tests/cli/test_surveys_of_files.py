@@ -84,6 +84,15 @@ class Surveys(Case):
         self.fails(2, "run", self.tiles, "--out-dir", refused, "--noise", "2cm", says=["part3.las: --noise", "unit"])
         self.assertFalse(refused.exists(), "a folder for results that never came")
 
+    def test_all_inputs_that_cannot_be_read_are_named_at_once(self):
+        (self.tiles / "part1.las").write_bytes((self.tiles / "part1.las").read_bytes()[:1000])
+        for n in range(2, 9):
+            (self.tiles / f"part{n}.las").write_bytes(b"")
+        said = self.fails(3, "run", self.tiles, "--out-dir", self.path("out"), says="part1.las: ")
+        self.assertIn("; nor can 7 more of the inputs be read: part2.las, part3.las, part4.las, part5.las, part6.las, ..\n", said)
+        self.fails(3, "run", self.tiles / "part0.las", self.tiles / "part7.las", self.tiles / "part8.las", "--out-dir", self.path("out"),
+                   says=["part7.las: ", "; nor can 1 more of the inputs be read: part8.las\n"])
+
     def test_files_in_feet_and_in_metres_are_no_cloud(self):
         write_las(self.tiles / "part2.las", ground(400), [2] * 400, crs=FEET)
         said = self.fails(2, "run", self.tiles, "--out-dir", self.path("out"),
@@ -92,6 +101,19 @@ class Surveys(Case):
         self.fails(2, "tile", "plan", self.tiles, "--out-dir", self.path("out"), "--work", self.path("work"),
                    says="part2.las: its unit")
         self.ok("run", self.tiles, "--out-dir", self.path("out"), "--each", "-q")
+
+    def test_files_with_heights_in_feet_and_in_metres_are_no_cloud(self):
+        both = b'COMPD_CS["both",PROJCS["UTM",UNIT["metre",1]],VERT_CS["heights",UNIT["metre",1]]]'
+        feet = both.replace(b'VERT_CS["heights",UNIT["metre",1]]', b'VERT_CS["heights",UNIT["foot",0.3048]]')
+        points = list(ground(400))
+        write_las(self.tiles / "part2.las", points, [2] * 400, crs=both)
+        write_las(self.tiles / "part3.las", points, [2] * 400, crs=feet)
+        said = self.fails(2, "run", self.tiles, "--out-dir", self.path("out"),
+                          says=["part3.las: the unit of its heights is 0.3048 m", "run --each"])
+        self.assertRegex(said, r"that of \S*part2.las is 1 m")
+        self.fails(2, "compare", self.tiles / "part2.las", self.tiles / "part3.las", says="the unit of the heights of one is 1 m")
+        (self.tiles / "part2.las").unlink()  # the others do not say it
+        self.ok("run", self.tiles, "--out-dir", self.path("out"), "-q")
 
     def test_more_files_than_a_process_may_hold_open(self):
         many = self.path("many")
