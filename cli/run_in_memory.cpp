@@ -207,7 +207,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
                     remaining ? reasons : std::vector<std::uint8_t>{},
                     arguments.device.threads,
                     findings.held};
-  write_text(arguments.report, result_page(job, cloud, pipeline, stop));
+  write_text(arguments.report, result_page(job, cloud, pipeline, stop).text);
 }
 
 }  // namespace pointfair::cli
