@@ -84,6 +84,18 @@ class Surveys(Case):
         self.fails(2, "run", self.tiles, "--out-dir", refused, "--noise", "2cm", says=["part3.las: --noise", "unit"])
         self.assertFalse(refused.exists(), "a folder for results that never came")
 
+    def test_an_input_that_would_be_replaced_in_tiles_is_refused_without_advice_that_does_not_help(self):
+        part = self.tiles / "part0.las"
+        for words in (["run", self.tiles, "--out-dir", self.tiles], ["run", part, part, "--tiles", 2],
+                      ["run", part, "--out-dir", self.tiles]):
+            for more in ([], ["--force"]):
+                said = self.fails(2, *words, *more, says=["part0.las: is input and output at once", "name another output"])
+                self.assertNotIn("--force", said)
+
+    def test_folders_in_a_folder_are_told(self):
+        said = self.fails(3, "run", self.folder, "--out-dir", self.path("out"), says="the folders in it are not looked into; name these")
+        self.assertIn("there are no point clouds in this folder", said)
+
     def test_all_inputs_that_cannot_be_read_are_named_at_once(self):
         (self.tiles / "part1.las").write_bytes((self.tiles / "part1.las").read_bytes()[:1000])
         for n in range(2, 9):
