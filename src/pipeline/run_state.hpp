@@ -128,6 +128,7 @@ struct Pipeline::State {
   double sigma_of(const Params& used);
   platform::LargeVector<double> noise_of_vertices(const Params& used);
   MeshReport finish_mesh(const Params& used, std::span<Point> out);
+  void count_seams_on_boundary(UnmovedCounts& unmoved);
   double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
   Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
   void set_seams_aside(const Params& used);

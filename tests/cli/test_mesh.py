@@ -87,6 +87,16 @@ class Mesh(Case):
         self.assertIn(f"held {24 * 24 - 4 * 23} others in place", says)
         self.assertIn("leave no point to denoise", says)
 
+    def test_all_points_of_an_stl_file_that_the_boundary_keeps_are_counted(self):
+        facets, kept = self.path("in.stl"), self.path("out.stl")
+        self.ok("run", self.mesh, facets, "--strength", 0, "--encoding", "ascii", "-q")
+        says = self.ok("run", facets, kept, "--connectivity", "mesh").stderr.decode()
+        corners = [[line for line in path.read_text().splitlines() if "vertex" in line] for path in (facets, kept)]
+        stayed = sum(a == b for a, b in zip(*corners))
+        self.assertGreater(stayed, 2 * 4 * 23)
+        self.assertIn(f"{len(corners[0]) - stayed} points denoised", says)
+        self.assertIn(f"{stayed} on the border of the mesh", says)
+
     def test_fleishman_tells_what_it_measured(self):
         words = ["--connectivity", "mesh", "--method", "fleishman"]
         used = self.report("run", self.mesh, self.path("out.off"), *words)["params"]
