@@ -309,7 +309,7 @@ Cloud far_squares() {
 }
 
 TEST(Zones, resolved_parameters_are_those_of_a_run_in_zones) {
-  for (const Cloud& cloud : {far_squares(), make_cloud(towns(1e5, 0.25))}) {
+  for (const Cloud& cloud : {far_squares(), make_cloud(towns(4e5, 0.25))}) {
     for (const Params& asked : {Params{}, Params{.k = 12}, Params{.noise = Length(0.1, Length::Unit::spacing)}}) {
       Pipeline pipeline = loaded(cloud);
       const Params resolved = pipeline.resolve(asked);
@@ -328,7 +328,7 @@ TEST(Zones, normals_that_would_mean_nothing_are_refused_before_the_run) {
   std::vector<Point> normals(cloud.points.size());
   EXPECT_THROW(pipeline.normals(normals), Error);
   pipeline.check_normals({.method = Method::implicit});  // is computed around one origin
-  Pipeline near = loaded(make_cloud(towns(1e5, 0.25)));
+  Pipeline near = loaded(make_cloud(towns(4e5, 0.25)));
   near.check_normals();
   near.run({});
   near.normals(normals = std::vector<Point>(near.report().points));
