@@ -262,7 +262,8 @@ class Pages(Case):
         tile = write_las(self.path("tile.las"), ground(900), [2] * 900)
         other = write_las(self.path("other.las"), points, [2] * 900)
         said = self.ok("certify", tile, other).stderr.decode()
-        note = r"points lie up to 40 m from where they were, which is more than half of the cloud: other.las seems to be no result of tile.las"
+        note = ("points lie up to 40 m from where they were, which is more than half of the cloud: "
+                "other.las seems to be no result of tile.las")
         self.assertIn("note: " + note.replace(" m ", " "), said)
         self.assertIn(note, Page(self.path("other.html")).text)
 

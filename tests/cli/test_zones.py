@@ -171,7 +171,8 @@ class Zones(Case):
             self.assertGreater(min(noise), 0.7 * expected, words)
             self.assertLess(max(noise), 1.4 * expected, words)
         self.fails(2, "run", cloud, self.path("normals.ply"), "--normals", "write", says=["too wide for normals", "less wide"])
-        before_the_run = run("run", cloud, self.path("normals.ply"), "--normals", "write", "--progress", "plain").stderr.decode()
+        words = ["run", cloud, self.path("normals.ply"), "--normals", "write", "--progress", "plain"]
+        before_the_run = run(*words).stderr.decode()
         self.assertIn("reading", before_the_run)
         self.assertNotIn("denoise", before_the_run)
 
