@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <memory>
+#include <string>
+#include <utility>
+#include <vector>
 
 #include "arguments.hpp"
 #include "command_line.hpp"
@@ -47,6 +50,7 @@ void certify(CertifyArguments arguments, std::stop_token stop) {
   check_page(arguments.report, {arguments.input, arguments.output});
   check_writable(arguments.report, arguments.force);
   Pipeline pipeline(make_device(arguments.device));
+  std::vector<std::string> notes;
   {
     Progress progress(arguments.quiet ? "none" : "auto");
     progress.show(0, "reading");
@@ -60,9 +64,13 @@ void certify(CertifyArguments arguments, std::stop_token stop) {
     job.command = command_text();
     job.outliers = marks_in(arguments.output, before, arguments.device.threads);
     job.threads = arguments.device.threads;
-    write_text(arguments.report, result_page(job, before, pipeline, stop));
+    ResultPage page = result_page(job, before, pipeline, stop);
+    write_text(arguments.report, page.text);
+    notes = std::move(page.notes);
   }
-  if (!arguments.quiet) print_message("the page is {}\n", arguments.report);
+  if (arguments.quiet) return;
+  print_message("the page is {}\n", arguments.report);
+  for (const std::string& note : notes) print_message("note: {}\n", note);
 }
 
 }  // namespace

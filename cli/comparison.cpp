@@ -98,12 +98,16 @@ void measure_moves(const Cloud& before, const Cloud& after, Comparison& result) 
 
 void check_same_unit(const Cloud& a, const Cloud& b, const std::string& names) {
   constexpr double kSame = 1e-3;  // of the unit; feet are of several kinds
-  const std::optional<double> its = file_info(a).metres_per_unit, other = file_info(b).metres_per_unit;
-  if (its && other && std::abs(*its - *other) > kSame * *other)
-    throw Error(ErrorKind::usage,
-                fmt::format("{}: the unit of one is {:.4g} m and that of the other {:.4g} m, so distances between them "
-                            "mean nothing; convert one of them",
-                            names, *its, *other));
+  const FileInfo of_a = file_info(a), of_b = file_info(b);
+  const auto check = [&](const std::optional<double>& its, const std::optional<double>& other, const char* unit) {
+    if (its && other && std::abs(*its - *other) > kSame * *other)
+      throw Error(ErrorKind::usage,
+                  fmt::format("{}: the unit {}of one is {:.4g} m and that of the other {:.4g} m, so distances between "
+                              "them mean nothing; convert one of them",
+                              names, unit, *its, *other));
+  };
+  check(of_a.metres_per_unit, of_b.metres_per_unit, "");
+  check(of_a.metres_per_height, of_b.metres_per_height, "of the heights ");
 }
 
 Comparison compare_copies(const Cloud& before, const Cloud& after, const std::string& names) {

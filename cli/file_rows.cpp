@@ -70,7 +70,7 @@ std::string file_text(const Cloud& cloud) {
   if (info.grid_width > 0)
     fmt::format_to(out, "  {:<18} {} x {} points, organised\n", "grid", info.grid_width, info.grid_height);
   if (info.metres_per_unit) fmt::format_to(out, "  {:<18} {:.10g} m\n", "unit", *info.metres_per_unit);
-  if (info.metres_per_height)
+  if (info.has_two_units())
     fmt::format_to(out, "  {:<18} {:.10g} m: scale Z before denoising\n", "unit of heights", *info.metres_per_height);
   if (info.is_geographic) fmt::format_to(out, "  {:<18} degrees: project it to metres before denoising\n", "unit");
   if (!text.empty()) text = "file\n" + text;

@@ -25,6 +25,9 @@ std::uint8_t class_in(const std::string& text) {
   return static_cast<std::uint8_t>(value);
 }
 
+// In the table of classes for point formats 0 to 5 (LAS 1.4 R15).
+bool is_reserved(std::uint8_t value) { return value == 10 || value == 11 || value > 12; }
+
 // Refuses a word that is no value of the parameter, and none of those that this file adds.
 void check_word(const ParamInfo& info, const std::string& text) {
   Params params;
@@ -109,6 +112,12 @@ std::string outcome_text(const OutlierAction& action, const OutlierOutcome& outc
     text = fmt::format("{} outliers are flagged as withheld", outliers);
   } else if (action.value) {
     text = fmt::format("{} outliers are in class {}", outliers, *action.value);
+    if (outcome.in_old_classes > 0 && is_reserved(*action.value))
+      text += ", which LAS reserves in point formats 0 to 5; noise is class 7 there";
+  } else if (outcome.in_old_classes > 0) {
+    text = fmt::format("{} outliers are in class 7 (noise)", outcome.low);
+    if (outcome.high > 0) text += fmt::format(", {} in class 18 (high noise)", outcome.high);
+    text += "; point formats 0 to 5 of LAS have no class for high noise";
   } else {
     text =
         fmt::format("{} outliers are in class 7 (low noise), {} in class 18 (high noise)", outcome.low, outcome.high);

@@ -160,7 +160,8 @@ std::string points_told(const PointCounts& counts, const std::string& how) {
 
 std::string nothing_selected(const PointCounts& counts) {
   const std::uint64_t left_out = counts.ignored + counts.held;  // without outliers
-  if (left_out == 0 || counts.unmoved.non_finite + counts.unmoved.outliers + left_out < counts.points) return {};
+  const UnmovedCounts& unmoved = counts.unmoved;
+  if (left_out == 0 || unmoved.non_finite + unmoved.outliers + unmoved.boundary + left_out < counts.points) return {};
   return "the limits, such as --where and --box, leave no point to denoise, so nothing moved; pointfair info shows the "
          "bounds and the attributes";
 }

@@ -93,6 +93,23 @@ class PageMaker {
     return page_of(job_.output.filename().string(), lead(), html);
   }
 
+  // Of two files whose run is not known: neither what it chose nor what it left out.
+  std::vector<std::string> notes_on_pair(std::optional<double> metres_per_unit) const {
+    constexpr double kOfAnother = 0.5;  // diagonals; no denoising moves points so far
+    const Statistics& moved = copy_.displacement;
+    std::vector<std::string> notes;
+    if (moved.p95 > kOfAnother * estimates_.diagonal && estimates_.diagonal > 0)
+      notes.push_back(fmt::format(
+          "points lie up to {} from where they were, which is more than half of the cloud: {} "
+          "seems to be no result of {}",
+          length_text(moved.max, metres_per_unit), job_.output.filename().string(), job_.input.filename().string()));
+    std::ranges::move(notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
+                                   stored_float_step(before_, estimates_), metres_per_unit),
+                      std::back_inserter(notes));
+    std::ranges::move(notes_on_units(before_), std::back_inserter(notes));
+    return notes;
+  }
+
  private:
   // Points that are not in the result have no displacement.
   void compare() {
@@ -118,19 +135,9 @@ class PageMaker {
                        typical_noise(), length_(copy_.displacement.mean), length_(copy_.displacement.max));
   }
 
-  // Of two files whose run is not known: neither what it chose nor what it left out.
-  std::vector<std::string> notes_on_pair() const {
-    const Statistics& moved = copy_.displacement;
-    std::vector<std::string> notes =
-        notes_on_run({}, estimates_, {}, {moved.mean, moved.rms, moved.p95, moved.max},
-                     stored_float_step(before_, estimates_), file_info(before_).metres_per_unit);
-    std::ranges::move(notes_on_units(before_), std::back_inserter(notes));
-    return notes;
-  }
-
   std::string warnings() const {
     std::string items;
-    for (const std::string& note : job_.run ? job_.notes : notes_on_pair())
+    for (const std::string& note : job_.run ? job_.notes : notes_on_pair(file_info(before_).metres_per_unit))
       items += fmt::format("<li>{}</li>\n", escaped(note));
     return section_of("Warnings", items.empty() ? items : fmt::format("<ul class=\"warnings\">\n{}</ul>\n", items));
   }
@@ -382,8 +389,10 @@ class PageMaker {
 
 }  // namespace
 
-std::string result_page(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop) {
-  return PageMaker(job, before, pipeline, stop).make();
+ResultPage result_page(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop) {
+  PageMaker maker(job, before, pipeline, stop);
+  std::string text = maker.make();
+  return {std::move(text), job.run ? job.notes : maker.notes_on_pair({})};
 }
 
 }  // namespace pointfair::cli

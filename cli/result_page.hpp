@@ -25,8 +25,13 @@ struct PageJob {
   std::uint64_t held = 0;  ///< points that nothing but the limits of the run kept in place
 };
 
-/// The page as HTML of less than 3 MB. Reads the output, so that what it says holds for the file. `pipeline` holds
+struct ResultPage {
+  std::string text;                ///< HTML of less than 3 MB
+  std::vector<std::string> notes;  ///< the warnings on it, with lengths in the file's unit
+};
+
+/// Reads the output, so that what it says holds for the file. `pipeline` holds
 /// `before`, the cloud of the input, and measures its noise if it did not yet. Throws as read and compare_copies do.
-std::string result_page(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop);
+ResultPage result_page(const PageJob& job, const Cloud& before, Pipeline& pipeline, std::stop_token stop);
 
 }  // namespace pointfair::cli

@@ -84,6 +84,16 @@ std::vector<std::uint8_t> reasons_of(std::span<const std::uint8_t> outliers, std
   return reasons;
 }
 
+// Points that the limits hold and that did not move before the limits acted.
+std::uint64_t count_stayed(std::span<const std::uint8_t> movable, const Cloud& before, const Cloud& after) {
+  std::uint64_t count = 0;
+  for (std::size_t i = 0; i < movable.size(); ++i) {
+    const Point &p = before.points[i], &q = after.points[i];
+    count += !movable[i] && p.x == q.x && p.y == q.y && p.z == q.z;
+  }
+  return count;
+}
+
 // Where a run takes a mesh as a cloud.
 std::vector<std::string> ignored_faces(const Params& params, const Limits& limits, const Cloud& cloud) {
   if (params.connectivity != Connectivity::automatic || limits.strength == 0) return {};
@@ -116,6 +126,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
     use_noise_attribute(cloud, findings.noise_attribute, arguments.input, pipeline);
   std::vector<Position> viewpoints;  // where another was given than the file's
   if (!arguments.viewpoint.empty()) pipeline.set_viewpoint(viewpoints = parse_viewpoints(arguments.viewpoint, cloud));
+  if (arguments.normals != "keep") pipeline.check_normals(params, stop);
   const bool copies = only_copies(arguments, params, limits);
   const bool tells = !arguments.quiet || !arguments.report.empty() || arguments.each;
   const bool acts = arguments.outlier_action.kind != OutlierAction::Kind::none;
@@ -131,6 +142,8 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (!denoised.source) denoised.source = cloud.source;
   // the file gets classes, flags or no attribute
   if ((marks || acts) && !pipeline.outliers().empty()) denoised.added.pop_back();
+  const std::uint64_t on_boundary = pipeline.report().unmoved.boundary;
+  const std::uint64_t stayed = on_boundary > 0 ? count_stayed(movable, cloud, denoised) : 0;
   apply_limits(limits, movable, cloud, denoised);
   if (arguments.normals != "keep") give_normals(pipeline, arguments.orient, movable, viewpoints, stop, denoised);
   if (!arguments.write_noise.empty()) write_noise_attribute(pipeline, params, arguments.write_noise, stop, denoised);
@@ -157,6 +170,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   if (tells) {
     progress.show(1, "measuring");
     count_limited(cloud, limits, movable, pipeline.outliers(), findings);
+    findings.held -= std::min({findings.held, stayed, on_boundary});  // which is counted among those that stay anyway
     std::vector<std::string> beside = notes_on_waveforms(cloud);
     std::ranges::move(notes_on_materials(cloud, arguments.input, arguments.output, write_options.format),
                       std::back_inserter(beside));
@@ -193,7 +207,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
                     remaining ? reasons : std::vector<std::uint8_t>{},
                     arguments.device.threads,
                     findings.held};
-  write_text(arguments.report, result_page(job, cloud, pipeline, stop));
+  write_text(arguments.report, result_page(job, cloud, pipeline, stop).text);
 }
 
 }  // namespace pointfair::cli

@@ -52,17 +52,23 @@ std::string note_of(const TiledJob& job, const TiledChoice& choice) {
 
 // Before the work.
 void check_outputs(const RunArguments& arguments, const TiledJob& job) {
+  // --force does not help: a task reads an input when others may have written their outputs
+  constexpr std::string_view kAdvice = "a run in tiles on disk replaces no input; name another output";
   if (job.output_folder.empty()) {
+    check_not_same(arguments.input, arguments.output, kAdvice);
     // where a run goes on, the output may be there: the plan knows
     if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
     return;
   }
   std::vector<std::filesystem::path> clouds = job.inputs;
-  for (const std::filesystem::path& input : job.inputs) {
+  for (const std::filesystem::path& input : job.inputs)
     clouds.push_back(job.output_folder / TiledRun::output_name(input));
-    check_writable(clouds.back(), arguments.force || !arguments.tiled.work.empty());
-  }
   check_report(arguments.report, clouds);
+  for (std::size_t i = 0; i < job.inputs.size(); ++i) {
+    const std::filesystem::path& output = clouds[job.inputs.size() + i];
+    check_not_same(job.inputs[i], output, kAdvice);
+    check_writable(output, arguments.force || !arguments.tiled.work.empty());
+  }
 }
 
 }  // namespace

@@ -46,10 +46,12 @@ void leave_notes_out(const fs::path& folder, std::vector<fs::path>& files) {
 std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_format) {
   const bool takes_floats = in_format == "kitti" || in_format == "nuscenes";
   std::vector<fs::path> files;
-  bool has_floats = false;
+  bool has_floats = false, has_folders = false;
   std::error_code failed;
   for (const fs::directory_entry& entry : fs::directory_iterator(folder, failed)) {
-    if (entry.path().filename().string().starts_with('.') || !entry.is_regular_file()) continue;
+    if (entry.path().filename().string().starts_with('.')) continue;
+    has_folders = has_folders || entry.is_directory();
+    if (!entry.is_regular_file()) continue;
     const bool is_floats = entry.path().extension() == ".bin";
     has_floats = has_floats || is_floats;
     if (takes_floats ? is_floats : format_of(entry.path()).has_value()) files.push_back(entry.path());
@@ -61,7 +63,8 @@ std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_fo
          "--in-format kitti or nuscenes, and --each to run");
   if (files.empty())
     fail(folder,
-         fmt::format("there are no {} in this folder; name another", takes_floats ? ".bin files" : "point clouds"));
+         fmt::format("there are no {} in this folder{}", takes_floats ? ".bin files" : "point clouds",
+                     has_folders ? ", and the folders in it are not looked into; name these" : "; name another"));
   std::sort(files.begin(), files.end());
   leave_notes_out(folder, files);
   return files;

@@ -75,7 +75,8 @@ TEST(FileInfos, TheUnitIsThatOfTheProjectionNotOfItsAnglesOrHeights) {
 }
 
 TEST(FileInfos, HeightsOfAnotherUnitAreTold) {
-  const auto height = [](const std::string& text) { return info_of(las_with({{2112, text}})).metres_per_height; };
+  const auto other = [](const FileInfo& info) { return info.has_two_units() ? info.metres_per_height : std::nullopt; };
+  const auto height = [&](const std::string& text) { return other(info_of(las_with({{2112, text}}))); };
   const std::string plane = "PROJCS[\"UTM\",UNIT[\"metre\",1]]";
   EXPECT_EQ(height("COMPD_CS[\"both\"," + plane + ",VERT_CS[\"h\",UNIT[\"foot\",0.3048]]]"), 0.3048);
   EXPECT_EQ(height("COMPD_CS[\"both\"," + plane + ",VERT_CS[\"h\",UNIT[\"metre\",1]]]"), std::nullopt);
@@ -90,9 +91,10 @@ TEST(FileInfos, HeightsOfAnotherUnitAreTold) {
   EXPECT_EQ(height(plane), std::nullopt);
   EXPECT_EQ(height("COMPD_CS[\"both\",GEOGCS[\"WGS 84\",UNIT[\"degree\",0.017]],VERT_CS[\"h\",UNIT[\"foot\",0.3]]]"),
             std::nullopt);
-  const auto of_keys = [](std::initializer_list<std::pair<int, int>> keys) {
-    return info_of(las_with({{34735, geo_keys(keys)}})).metres_per_height;
+  const auto of_keys = [&](std::initializer_list<std::pair<int, int>> keys) {
+    return other(info_of(las_with({{34735, geo_keys(keys)}})));
   };
+  EXPECT_EQ(info_of(las_with({{34735, geo_keys({{3072, 32633}, {4099, 9001}})}})).metres_per_height, 1);
   EXPECT_EQ(of_keys({{3072, 32633}, {4099, 9002}}), 0.3048);
   EXPECT_EQ(of_keys({{3072, 2994}, {3076, 9002}, {4099, 9001}}), 1);
   EXPECT_EQ(of_keys({{3072, 2994}, {3076, 9002}, {4099, 9003}}), std::nullopt);  // feet of two kinds

@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // STL meshes, NumPy arrays, and the plain floats of KITTI and nuScenes; file images made by the plainest code.
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <random>
 
 #include "io_files.h"
 
@@ -309,6 +312,27 @@ TEST(PlainFloats, ASurfaceThroughTheOriginKeepsItsPointsThere) {
       for (int y = -10; y <= 10; ++y) values.insert(values.end(), {float(x), float(y), 0, 0});
   EXPECT_EQ(count_invalid(parse(bytes_of(values), "0.bin", Format::kitti)), 0);
   EXPECT_EQ(count_invalid(parse(bytes_of(std::vector<float>(40)), "0.bin", Format::kitti)), 0) << "nothing else";
+}
+
+// Every second of 16,384 points is far, the others lie on a surface through the origin: more of them are near than
+// there are zeros.
+TEST(PlainFloats, WhetherZerosAreEmptyReturnsDoesNotFollowFromTheOrderOfPoints) {
+  std::mt19937 random(3);
+  std::normal_distribution<float> normal(0, 1);
+  std::vector<std::array<float, 4>> rows;
+  for (int i = 0; i < 8192; ++i) {
+    rows.push_back({20 + normal(random), normal(random), normal(random), 0});
+    rows.push_back({normal(random) / 20, normal(random) / 20, normal(random) / 20, 0});
+  }
+  for (int i = 0; i < 200; ++i) rows.push_back({});
+  const auto invalid = [&] {
+    std::vector<float> values;
+    for (const auto& row : rows) values.insert(values.end(), row.begin(), row.end());
+    return count_invalid(parse(bytes_of(values), "0.bin", Format::kitti));
+  };
+  EXPECT_EQ(invalid(), 0);
+  std::shuffle(rows.begin(), rows.end(), random);
+  EXPECT_EQ(invalid(), 0);
 }
 
 TEST(PlainFloats, KittiAndNuscenesAreReadWhereTheyAreNamed) {

@@ -68,6 +68,19 @@ TEST(Gltf, VerticesArePointsAndTrianglesFaces) {
   }
 }
 
+TEST(Gltf, AFileBesideThatIsMissingIsNamedWithTheOneThatNamesIt) {
+  const Folder folder;
+  put_file(folder / "beside.gltf", document(R"([{"mesh":0}])", kPrimitive, "a%20b.bin"));
+  try {
+    read(folder / "beside.gltf");
+    FAIL() << "was read";
+  } catch (const Error& error) {
+    const std::string line = error.what();
+    EXPECT_NE(line.find("beside.gltf: its buffer "), std::string::npos) << line;
+    EXPECT_NE(line.find("a b.bin is not there"), std::string::npos) << line;
+  }
+}
+
 TEST(Gltf, NodesTurnStretchAndShift) {
   // a quarter turn about z, twice as large along x, and a parent that shifts
   const std::string nodes =

@@ -297,6 +297,43 @@ TEST(Zones, a_pipeline_and_a_run_in_tiles_write_the_same_bytes) {
   EXPECT_GE(in_zones, 4);
 }
 
+// Two squares, so far apart that floats around one origin step by more than points are apart.
+Cloud far_squares() {
+  std::mt19937 random(5);
+  std::normal_distribution<double> noise(0, 0.02);
+  std::uniform_real_distribution<double> place(0, 7);
+  std::vector<Position> points;
+  for (const double x : {0.0, 1e7})
+    for (int i = 0; i < 20000; ++i) points.push_back({x + place(random), place(random), noise(random)});
+  return make_cloud(points);
+}
+
+TEST(Zones, resolved_parameters_are_those_of_a_run_in_zones) {
+  for (const Cloud& cloud : {far_squares(), make_cloud(towns(4e5, 0.25))}) {
+    for (const Params& asked : {Params{}, Params{.k = 12}, Params{.noise = Length(0.1, Length::Unit::spacing)}}) {
+      Pipeline pipeline = loaded(cloud);
+      const Params resolved = pipeline.resolve(asked);
+      pipeline.run(asked);
+      ASSERT_EQ(pipeline.report().stages.front().name, "zones");
+      EXPECT_EQ(resolved, pipeline.report().params);
+    }
+  }
+}
+
+TEST(Zones, normals_that_would_mean_nothing_are_refused_before_the_run) {
+  const Cloud cloud = far_squares();
+  Pipeline pipeline = loaded(cloud);
+  EXPECT_THROW(pipeline.check_normals(), Error);
+  pipeline.run({});
+  std::vector<Point> normals(cloud.points.size());
+  EXPECT_THROW(pipeline.normals(normals), Error);
+  pipeline.check_normals({.method = Method::implicit});  // is computed around one origin
+  Pipeline near = loaded(make_cloud(towns(4e5, 0.25)));
+  near.check_normals();
+  near.run({});
+  near.normals(normals = std::vector<Point>(near.report().points));
+}
+
 TEST(Zones, one_system_of_equations_holds_the_points_of_all) {
   const Cloud cloud = make_cloud(towns(1e7, 0.25));
   Pipeline pipeline = loaded(cloud);

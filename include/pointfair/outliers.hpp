@@ -22,7 +22,8 @@ struct OutlierAction {
     remove     ///< they are left out of the file
   };
   Kind kind = Kind::none;
-  /// The class of all outliers; unset: low noise, class 7, or high noise, class 18 (LAS 1.4 R15, table 17).
+  /// The class of all outliers; unset: low noise, class 7, or high noise, class 18 (LAS 1.4 R15, classes of point
+  /// formats 6 to 10). Files with FileInfo::has_old_classes have no class for high noise: there all is class 7.
   std::optional<std::uint8_t> value;
   friend bool operator==(const OutlierAction&, const OutlierAction&) = default;
 };
@@ -39,6 +40,7 @@ POINTFAIR_EXPORT std::string outlier_attribute(const OutlierAction& action, std:
 struct OutlierOutcome {
   std::array<std::uint64_t, 4> of_reason{};  ///< points by reason: no outlier, isolated, off the surface, mixed pixel
   std::uint64_t low = 0, high = 0;           ///< outliers in class 7 and 18, where none was named
+  std::uint64_t in_old_classes = 0;          ///< outliers of files with FileInfo::has_old_classes
   /// Outliers whose class was one of vegetation or wires (3 to 5, 13 to 16), where outliers cannot be told.
   std::uint64_t thin = 0;
 

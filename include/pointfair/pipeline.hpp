@@ -146,7 +146,8 @@ class POINTFAIR_EXPORT Pipeline {
   /// units. A run with `auto` follows the noise from place to place, and these values do not: a run with them has
   /// another result. Measures what it needs, as estimates() does. Throws ErrorKind::usage if there is nothing to
   /// measure, as where no point is finite, all lie at one place, or too few show a surface: such values would leave
-  /// other clouds as they are. A run with `auto` leaves such a cloud as it is.
+  /// other clouds as they are. A run with `auto` leaves such a cloud as it is. A cloud in zones is measured in these,
+  /// by each call anew.
   Params resolve(const Params& params, std::stop_token stop = {});
 
   /// What the last successful run did, and with which parameters.
@@ -163,8 +164,13 @@ class POINTFAIR_EXPORT Pipeline {
   /// sensor where its place is known (set_viewpoint), and have arbitrary signs elsewhere and in memory of a card.
   /// `out` has as many elements as points were loaded. Throws ErrorKind::usage if the last run failed or if a cloud was
   /// loaded since, or for a cloud in zones whose coordinates around one origin step by more than its spacing: its
-  /// normals are computed there. O(N); of a cloud in tiles as long as an iteration.
+  /// normals are computed there (check_normals() says so before the run). O(N); of a cloud in tiles as long as an
+  /// iteration.
   void normals(std::span<Point> out, std::stop_token stop = {});
+
+  /// Throws before a run with these parameters what normals() would throw after it: ErrorKind::usage for a cloud in
+  /// zones whose normals would mean nothing. Of such a cloud it measures what estimates() does, of all others nothing.
+  void check_normals(const Params& params = {}, std::stop_token stop = {});
 
   /// The standard deviation of the noise at each point of the loaded cloud, in file units and in upload order: its
   /// level at that place, times params.noise or, where that is `auto`, times estimates().noise. NaN for an invalid

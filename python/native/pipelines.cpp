@@ -193,6 +193,11 @@ void normals(SharedPipeline& self, const Output<float>& out) {
   self.use_cloud([&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().normals(span, watch.stop); });
 }
 
+void check_normals(SharedPipeline& self, const Params& params) {
+  self.use_cloud(
+      [&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().check_normals(params, watch.stop); });
+}
+
 void noise(SharedPipeline& self, const Column<float>& out, const Params& params) {
   self.use_cloud(
       [&](ArrayPipeline& arrays, const Watch& watch) { arrays.pipeline().noise(span_of(out), params, watch.stop); });
@@ -333,6 +338,7 @@ void bind_pipelines(nb::module_& module) {
       .def("resolve", &resolve, nb::arg("params"))
       .def("notes", &notes, nb::arg("asked"), nb::arg("moves"))
       .def("normals", &normals, nb::arg("out").noconvert())
+      .def("check_normals", &check_normals, nb::arg("params"))
       .def("noise", &noise, nb::arg("out").noconvert(), nb::arg("params"))
       .def("set_noise", &set_noise, nb::arg("sigmas").noconvert())
       .def("set_viewpoint", &set_viewpoint, nb::arg("positions").noconvert())

@@ -126,9 +126,9 @@ def denoise(points: Any, params: Params | None = None, *, mask: Any = None, wher
             result: Any = _denoise_on_card(pipeline, points, layout, chosen, viewpoint, out, show)
         elif isinstance(points, Cloud):
             result = Cloud._of(run_cloud(pipeline, points._native, chosen, mask=mask, where=where, ignore=ignore,
-                                         strength=strength, box=box, viewpoint=viewpoint, show=show))
+                                         strength=strength, box=box, viewpoint=viewpoint, show=show, normals=normals))
         else:
-            result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, faces, out, show)
+            result = _denoise_array(pipeline, points, chosen, strength, box, mask, viewpoint, faces, out, show, normals)
         return (result, _full_report(pipeline, normals, grid_of(result))) if return_report else result
 
 
@@ -162,7 +162,7 @@ def _denoise_on_card(pipeline: _native.Pipeline, points: Any, layout: _card.Card
 
 
 def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, strength: float, box: Any, mask: Any,
-                   viewpoint: Any, faces: Any, out: Any, show: Any) -> Any:
+                   viewpoint: Any, faces: Any, out: Any, show: Any, normals: bool) -> Any:
     array = as_numpy(points)
     check_positions(array, images=True)
     layout = Layout(array, points)
@@ -174,6 +174,8 @@ def _denoise_array(pipeline: _native.Pipeline, points: Any, params: Params, stre
         set_viewpoint(pipeline, viewpoint, layout.grid)
     if faces is not None:
         pipeline.set_faces(as_faces(faces))
+    if normals:
+        pipeline.check_normals(params._native)
     pipeline.run(params._native, result.rows, strength, box, bytes_, "", show)
     return result.finish()
 

@@ -128,10 +128,13 @@ def set_weights(pipeline: _native.Pipeline, weights: Any) -> None:
 
 
 def run_cloud(pipeline: _native.Pipeline, cloud: _native.Cloud, params: Params, *, mask: Any, where: str | None,
-              ignore: str | None, strength: float, box: Any, viewpoint: Any, show: Any) -> _native.Cloud:
-    """Loads and denoises a cloud; returns a copy with moved points. `show` is as progress_function gives it."""
+              ignore: str | None, strength: float, box: Any, viewpoint: Any, show: Any, normals: bool = False) -> _native.Cloud:
+    """Loads and denoises a cloud; returns a copy with moved points. `show` is as progress_function gives it. `normals`:
+    they will be asked for."""
     limits = (as_strength(strength), as_box(box), as_mask(mask, len(cloud)), as_selections(where, "where"))
     pipeline.load_cloud(cloud, as_selections(ignore, "ignore"))
     if viewpoint is not None:
         set_viewpoint(pipeline, viewpoint)
+    if normals:
+        pipeline.check_normals(params._native)
     return pipeline.run_cloud(params._native, *limits, show)

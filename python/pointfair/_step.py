@@ -108,6 +108,7 @@ def _iterate(points: NDArray[np.float64], step: Step, params: Params, device: st
         for _ in range(1 if params.iterations == "auto" else int(params.iterations)):
             normals, noise = np.empty(points.shape, np.float32), np.empty(len(points), np.float32)
             pipeline.load(points, False)
+            pipeline.check_normals(once._native)
             pipeline.run(once._native, np.empty_like(points), 1.0, None, None, "", None)
             pipeline.normals(normals)
             pipeline.noise(noise, once._native)

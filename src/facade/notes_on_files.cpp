@@ -88,7 +88,7 @@ std::vector<std::string> notes_on_grid(const std::optional<Position>& viewpoint)
 
 std::vector<std::string> notes_on_units(const Cloud& cloud) {
   const FileInfo info = file_info(cloud);
-  if (!info.metres_per_height) return {};
+  if (!info.has_two_units()) return {};
   const auto factor = [](double value) { return io::listed_numbers({&value, 1}, 10); };
   const double plane = *info.metres_per_unit, height = *info.metres_per_height;
   return {"heights are in units of " + factor(height) + " m, X and Y in units of " + factor(plane) +

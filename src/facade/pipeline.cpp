@@ -168,7 +168,10 @@ const Estimates& Pipeline::estimates(std::stop_token stop) {
 }
 
 Params Pipeline::resolve(const Params& params, std::stop_token stop) {
-  return with_one_kind_of_error([&] { return state_->resolve(in_units_of(state_->shell, params), stop); });
+  return with_one_kind_of_error([&] {
+    const Params in_units = in_units_of(state_->shell, params);
+    return state_->runs_in_zones(in_units) ? state_->resolve_in_zones(in_units, stop) : state_->resolve(in_units, stop);
+  });
 }
 
 const Report& Pipeline::report() const { return state_->report; }
@@ -180,6 +183,12 @@ HostBuffer Pipeline::host_buffer(std::size_t count) const {
 DeviceInfo Pipeline::device() const { return state_->device; }
 
 std::span<const std::uint8_t> Pipeline::outliers() const { return state_->outliers; }
+
+void Pipeline::check_normals(const Params& params, std::stop_token stop) {
+  with_one_kind_of_error([&] {
+    if (state_->runs_in_zones(in_units_of(state_->shell, params))) state_->check_normals_in_zones(stop);
+  });
+}
 
 void Pipeline::normals(std::span<Point> out, std::stop_token stop) {
   with_one_kind_of_error([&] {

@@ -58,25 +58,49 @@ void add_written(const std::vector<fs::path>& files, TiledReport& report) {
   report.displacement = moves.displacement();
 }
 
+// A note, and the files that it is on.
+struct ToldOfFiles {
+  std::string text;
+  const InputFile* first;
+  std::size_t files;
+};
+
+// Of several files, a note that is not on all names the first that it is on.
+std::string told(const ToldOfFiles& note, std::size_t files) {
+  if (note.files == files) return note.text;
+  const std::string more = note.files > 1 ? " and " + std::to_string(note.files - 1) + " more" : "";
+  return platform::text_of(note.first->path.filename()) + more + ": " + note.text;
+}
+
 // What was known of the results beforehand, as far as it came to be.
 std::vector<std::string> notes_on_files(const std::vector<InputFile>& files, const TiledReport& report) {
   constexpr std::size_t kMost = 10;
   const bool has_moves = report.displacement.max > 0;
   const bool has_removed = report.outlier_action.kind == OutlierAction::Kind::remove && report.outcome.outliers() > 0;
-  std::vector<std::string> notes;
+  std::vector<ToldOfFiles> all;
   for (const InputFile& file : files) {
     for (const auto& [kind, text] : file.notes) {
       const bool is_so = kind == FileNote::Kind::on_moves            ? has_moves
                          : kind == FileNote::Kind::loss_by_removal   ? has_removed
                          : kind == FileNote::Kind::on_unfound_sensor ? !report.found_sensor
                                                                      : true;
-      if (is_so && std::ranges::find(notes, text) == notes.end()) notes.push_back(text);
+      if (!is_so) continue;
+      const auto same = std::ranges::find(all, text, &ToldOfFiles::text);
+      if (same == all.end()) {
+        all.push_back({text, &file, 1});
+      } else {
+        ++same->files;
+      }
     }
   }
-  if (notes.size() <= kMost) return notes;
-  const std::size_t more = notes.size() - kMost;
-  notes.resize(kMost);
-  notes.push_back(std::to_string(more) + " more notes of this kind are on other files");
+  std::vector<std::string> notes;
+  for (const ToldOfFiles& note : all) {
+    if (notes.size() == kMost) {
+      notes.push_back(std::to_string(all.size() - kMost) + " more notes of this kind are on other files");
+      break;
+    }
+    notes.push_back(told(note, files.size()));
+  }
   return notes;
 }
 

@@ -51,13 +51,21 @@ Cloud Pipeline::State::run_in_zones(const Params& params, const std::stop_token&
 
 void Pipeline::State::measure_in_zones(const std::stop_token& stop) {
   if (estimates) return;
-  const scale::Measured found = wide->measure({{}, {}, false, given_noise_}, stop);
+  const scale::Measured found = wide->measure({{}, {}, false, given_noise_}, stop).measured;
   tell(found.estimate, found.bounds, wide->zones().float_step());
   of_zones = found.estimate;
 }
 
-void Pipeline::State::run_for_normals(const std::stop_token& stop) {
-  if (!wide_run) return;
+Params Pipeline::State::resolve_in_zones(const Params& params, const std::stop_token& stop) {
+  check_params(params);
+  const scale::WideMeasured found =
+      wide->measure({params, sensor_of(wide_viewpoints), seeks_sensor_, given_noise_}, stop);
+  const scale::Measured& measured = found.measured;
+  refuse_unmeasured(params, measured.estimate, measured.bounds.valid);
+  return found.params;
+}
+
+void Pipeline::State::check_normals_in_zones(const std::stop_token& stop) {
   measure_in_zones(stop);
   const double step = scale::float_step_around(shell.source->sample(), shell.origin);
   if (step > estimates->spacing)
@@ -66,6 +74,11 @@ void Pipeline::State::run_for_normals(const std::stop_token& stop) {
                 "by " +
                     length_text(step, {}) + ", and points are " + length_text(estimates->spacing, {}) +
                     " apart; ask for those of parts that are less wide");
+}
+
+void Pipeline::State::run_for_normals(const std::stop_token& stop) {
+  if (!wide_run) return;
+  check_normals_in_zones(stop);
   const Report report_of_zones = report;
   std::vector<std::uint8_t> marks = outliers;
   std::vector<Point> unused(cloud.points());

@@ -3,41 +3,40 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 #include "portable.hpp"
 
 namespace pointfair::io {
 namespace {
 
-constexpr std::uint64_t kSample = 8192;  // points; some hundred lie near where a surface goes through the origin
 // Of the median distance from the origin. Where a surface goes through the origin, a sixteenth of the points or so is
 // nearer, and of a solid a sixty-fourth: far more than copies of one point. A lidar has next to none there.
 constexpr double kNear = 0.25;
 
 }  // namespace
 
-EmptyReturns::EmptyReturns(std::uint64_t points) : step_(std::max<std::uint64_t>(1, points / kSample)) {}
-
-void EmptyReturns::take(std::uint64_t first, std::span<const Position> positions) {
-  for (std::size_t i = 0; i < positions.size(); ++i) {
-    const Position& p = positions[i];
+void EmptyReturns::take(std::span<const Position> positions) {
+  for (const Position& p : positions) {
     if (p == Position{}) {
       ++zeros_;
-    } else if ((first + i) % step_ == 0) {
-      const double distance = portable::hypot(p[0], p[1], p[2]);
-      if (std::isfinite(distance)) distances_.push_back(distance);
+    } else if (std::isfinite(p[0] + p[1] + p[2])) {
+      ++finite_;
+      others_.offer(p);
     }
   }
 }
 
-bool EmptyReturns::are_empty() const {
-  if (zeros_ < 2 || distances_.empty()) return false;
-  std::vector<double> sorted = distances_;
-  const auto middle = sorted.begin() + std::ptrdiff_t(sorted.size() / 2);
-  std::ranges::nth_element(sorted, middle);
+bool EmptyReturns::are_empty() && {
+  if (zeros_ < 2 || finite_ == 0) return false;
+  std::vector<double> distances;
+  for (const Position& p : std::move(others_).take()) distances.push_back(portable::hypot(p[0], p[1], p[2]));
+  const auto middle = distances.begin() + std::ptrdiff_t(distances.size() / 2);
+  std::ranges::nth_element(distances, middle);
   const double near = kNear * *middle;
-  const auto others = std::ranges::count_if(distances_, [near](double distance) { return distance < near; });
-  return zeros_ > static_cast<std::uint64_t>(others) * step_;
+  const auto others = std::ranges::count_if(distances, [near](double distance) { return distance < near; });
+  return double(zeros_) * double(distances.size()) > double(others) * double(finite_);
 }
 
 }  // namespace pointfair::io

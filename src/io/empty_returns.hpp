@@ -4,23 +4,24 @@
 
 #include <cstdint>
 #include <span>
-#include <vector>
 
+#include "io/origin_sample.hpp"
 #include "pointfair/positions.hpp"
 
 namespace pointfair::io {
 
-/// Takes the positions of a cloud. Those at (0, 0, 0) are no points where there are two or more, and more of them than
-/// others near the origin, within a quarter of the median distance from it: no sensor measures so.
+/// Takes the positions of a cloud of so many points, in any order. Those at (0, 0, 0) are no points where there are two
+/// or more, and more of them than others near the origin, within a quarter of the median distance from it: no sensor
+/// measures so.
 class EmptyReturns {
  public:
-  explicit EmptyReturns(std::uint64_t points);
-  void take(std::uint64_t first, std::span<const Position> positions);
-  bool are_empty() const;
+  explicit EmptyReturns(std::uint64_t points) : others_(points) {}
+  void take(std::span<const Position> positions);
+  bool are_empty() &&;
 
  private:
-  std::uint64_t step_, zeros_ = 0;
-  std::vector<double> distances_;  // of every step_th other point, from the origin
+  std::uint64_t zeros_ = 0, finite_ = 0;  // finite_: without zeros
+  OriginSample others_;
 };
 
 }  // namespace pointfair::io

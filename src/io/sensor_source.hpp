@@ -81,9 +81,9 @@ class SensorSource : public Base {
       for (std::size_t block = 0; block < this->block_count(); ++block) {
         own.resize(this->block_size(block));
         Base::positions(block, own);
-        counted.take(this->block_begin(block), own);
+        counted.take(own);
       }
-      are_empty_ = counted.are_empty();
+      are_empty_ = std::move(counted).are_empty();
     });
     return are_empty_;
   }

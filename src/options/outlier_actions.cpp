@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "options/outlier_values.hpp"
+#include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"
 
 namespace pointfair {
@@ -45,18 +46,19 @@ void check_outlier_attribute(const AttributeInfo& info) {
                                       "--outliers mark");
 }
 
-void put_outlier_values(const OutlierAction& action, std::span<const std::uint8_t> reasons,
+void put_outlier_values(const OutlierAction& action, bool has_old_classes, std::span<const std::uint8_t> reasons,
                         std::span<const Point> before, const HeightGrid& heights, std::span<const std::byte> classes,
                         std::span<std::byte> values, OutlierOutcome& outcome) {
   for (std::size_t i = 0; i < reasons.size(); ++i) {
     ++outcome.of_reason[std::min<std::size_t>(reasons[i], outcome.of_reason.size() - 1)];
     if (reasons[i] == 0) continue;
+    if (has_old_classes) ++outcome.in_old_classes;
     if (!classes.empty() && is_thin(classes[i])) ++outcome.thin;
     if (values.empty()) continue;
     std::uint8_t value = action.value.value_or(1);
     if (needs_heights(action)) {
       const std::optional<double> height = heights.height_at(before[i]);
-      const bool is_above = height && before[i].z > *height;
+      const bool is_above = !has_old_classes && height && before[i].z > *height;
       value = is_above ? kHighNoise : kLowNoise;
       ++(is_above ? outcome.high : outcome.low);
     }
@@ -83,7 +85,7 @@ OutlierOutcome act_on_outliers(const OutlierAction& action, std::span<const std:
   const std::string name = outlier_attribute(action, all);
   Attribute values;
   if (!name.empty()) values = values_of(cloud, name);
-  put_outlier_values(action, reasons, before, heights, classes, values.data, outcome);
+  put_outlier_values(action, file_info(cloud).has_old_classes, reasons, before, heights, classes, values.data, outcome);
   if (name.empty()) return outcome;
   std::erase_if(cloud.added, [&](const Attribute& other) { return other.name == name; });
   cloud.added.push_back(std::move(values));

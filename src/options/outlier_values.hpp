@@ -20,8 +20,9 @@ inline bool needs_heights(const OutlierAction& action) {
 void check_outlier_attribute(const AttributeInfo& info);
 
 /// Puts the values of the outliers among some points into `values`, which the action has none for if it is empty, and
-/// counts them. `classes`: what the points had before, or empty; they may lie where the values do.
-void put_outlier_values(const OutlierAction& action, std::span<const std::uint8_t> reasons,
+/// counts them. `has_old_classes` as in FileInfo. `classes`: what the points had before, or empty; they may lie where
+/// the values do.
+void put_outlier_values(const OutlierAction& action, bool has_old_classes, std::span<const std::uint8_t> reasons,
                         std::span<const Point> before, const HeightGrid& heights, std::span<const std::byte> classes,
                         std::span<std::byte> values, OutlierOutcome& outcome);
 

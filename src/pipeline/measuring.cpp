@@ -126,22 +126,25 @@ Params Pipeline::State::resolve(const Params& params, const std::stop_token& sto
     used = resolve_once(asked, stop).params;
   });
   used.method = params.method;
-  if (!is_measured(asked))
-    throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
-                                      std::to_string(cloud.points()) + " points, " +
-                                      std::to_string(sample().bounds.valid) +
-                                      " of them finite; resolve the parameters on a cloud that shows one, or leave "
-                                      "them automatic");
+  const WantedEstimates needed = needed_by(asked).estimates;
+  Estimate found;
+  if (needed.spacing) found.spacing = *spacing(needed.noise);
+  if (needed.noise) found.noise = *cloud.noise;
+  refuse_unmeasured(asked, found, sample().bounds.valid);
   return used;
 }
 
-// Whether what the parameters follow from was found where it was sought. A noise of 0 was found, on points that lie
-// exactly on a surface; where no sample shows any, there is no surface either.
-bool Pipeline::State::is_measured(const Params& params) {
+// Where what the parameters follow from was sought and not found. A noise of 0 was found, on points that lie exactly on
+// a surface; where no sample shows any, there is no surface either.
+void Pipeline::State::refuse_unmeasured(const Params& params, const Estimate& found, std::uint64_t finite) const {
   const WantedEstimates needed = needed_by(params).estimates;
-  if (needed.spacing && !(spacing(needed.noise)->mean > 0)) return false;
+  const bool has_spacing = !needed.spacing || found.spacing.mean > 0;
   const bool seeks_noise = needed.noise && params.noise.is_automatic() && !given_noise_;
-  return !seeks_noise || cloud.noise->surface_spacing > 0;
+  if (has_spacing && (!seeks_noise || found.noise.surface_spacing > 0)) return;
+  throw Error(ErrorKind::usage, "nothing to measure in this cloud: no surface shows in its " +
+                                    std::to_string(cloud.points()) + " points, " + std::to_string(finite) +
+                                    " of them finite; resolve the parameters on a cloud that shows one, or leave "
+                                    "them automatic");
 }
 
 // Moves the cloud to the CPU if a run with these parameters cannot be done where it lies.

@@ -97,6 +97,14 @@ Params Pipeline::State::with_mesh_values(const Params& params, IndexOrder order,
   return result;
 }
 
+// The boundary that kept its place was counted by vertices; this adds the other points at their places, as of STL
+// files. Where a vertex of it had another reason, such as no normal, nobody knows which, and they are left out.
+void Pipeline::State::count_seams_on_boundary(UnmovedCounts& unmoved) {
+  const MeshTopology& topology = mesh().topology;
+  if (unmoved.boundary == 0 || unmoved.boundary != topology.found.boundary_vertices) return;
+  for (const Copy& copy : cloud.copies_aside()) unmoved.boundary += topology.edges.is_on_boundary(copy.point);
+}
+
 // The standard deviation of the noise, given or measured.
 double Pipeline::State::sigma_of(const Params& used) {
   if (!used.noise.is_automatic()) return used.noise.value;

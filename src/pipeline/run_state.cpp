@@ -142,6 +142,7 @@ void Pipeline::State::run_to_end(const Params& params, const Delivery& to, const
   Counts counts = backend.counts(last);
   // who moved once and lost its neighbours or its normal in a further iteration did not keep its place
   if (last > 0) counts.unmoved = backend.counts(0).unmoved;
+  if (used.connectivity == Connectivity::mesh) count_seams_on_boundary(counts.unmoved);
   const Costs costs = log_.collect(backend);
 
   unfinished_ = false;

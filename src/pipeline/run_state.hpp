@@ -64,6 +64,8 @@ struct Pipeline::State {
   bool runs_in_zones(const Params& params) const;
   Cloud run_in_zones(const Params& params, const std::stop_token& stop, const ProgressFunction& progress);
   void measure_in_zones(const std::stop_token& stop);
+  Params resolve_in_zones(const Params& params, const std::stop_token& stop);
+  void check_normals_in_zones(const std::stop_token& stop);
   std::optional<Estimate> of_zones;                   // what that found; as long as `estimates`
   void run_for_normals(const std::stop_token& stop);  // around one origin, if the last run was in zones
   std::shared_ptr<scale::WideCloud> wide;             // null: it needs none
@@ -86,7 +88,7 @@ struct Pipeline::State {
   void go_where_it_runs(const Params& params);
   DeviceInfo device_of_cloud();
   Resolved resolve_once(const Params& params, const std::stop_token& stop);
-  bool is_measured(const Params& params);
+  void refuse_unmeasured(const Params& params, const Estimate& found, std::uint64_t finite) const;
   void run(const Params& params, const Delivery& to, const std::stop_token& stop, const ProgressFunction& progress);
   void run_learned(const Params& params, std::span<Point> out, const std::stop_token& stop,
                    const ProgressFunction& progress);
@@ -126,6 +128,7 @@ struct Pipeline::State {
   double sigma_of(const Params& used);
   platform::LargeVector<double> noise_of_vertices(const Params& used);
   MeshReport finish_mesh(const Params& used, std::span<Point> out);
+  void count_seams_on_boundary(UnmovedCounts& unmoved);
   double in_file_units(const Length& length, IndexOrder order, const std::stop_token& stop);
   Params with_mesh_values(const Params& params, IndexOrder order, const std::stop_token& stop);
   void set_seams_aside(const Params& used);

@@ -107,6 +107,7 @@ void add(OutlierOutcome& to, const OutlierOutcome& more) {
   for (std::size_t reason = 0; reason < to.of_reason.size(); ++reason) to.of_reason[reason] += more.of_reason[reason];
   to.low += more.low;
   to.high += more.high;
+  to.in_old_classes += more.in_old_classes;
   to.thin += more.thin;
 }
 
@@ -115,7 +116,7 @@ OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const s
   const OutlierAction& action = plan.outlier_action;
   OutlierEdits edits;
   if (action.kind == Kind::none && plan.params.outliers != Outliers::mark) return edits;
-  const bool marks = action.kind == Kind::none;
+  const bool marks = action.kind == Kind::none, has_old_classes = source->info().has_old_classes;
   Attribute classes, values;
   const std::string name_of_classes = marks ? std::string() : attribute_of_classes(*source);
   if (!name_of_classes.empty()) classes = values_of(*source, name_of_classes);
@@ -131,7 +132,8 @@ OutlierEdits outlier_edits(const TileResults& results, const Plan& plan, const s
       std::ranges::copy(marks ? some.marks : some.reasons, reasons.begin() + std::ptrdiff_t(some.first));
     if (marks) return;
     OutlierOutcome outcome;
-    put_outlier_values(action, some.reasons, some.points, heights, part(classes), part(values), outcome);
+    put_outlier_values(action, has_old_classes, some.reasons, some.points, heights, part(classes), part(values),
+                       outcome);
     const std::lock_guard lock(mutex);
     add(edits.outcome, outcome);
   });

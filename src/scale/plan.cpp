@@ -99,6 +99,30 @@ std::vector<InputFile> files_of(const TiledJob& job) {
   return files;
 }
 
+// All are looked at before one is refused: who mends files one by one runs once for each.
+std::vector<std::shared_ptr<Source>> open_all(const std::vector<InputFile>& files, unsigned threads) {
+  constexpr std::size_t kMostNames = 5;
+  std::vector<std::shared_ptr<Source>> sources;
+  std::string refused, others;
+  std::size_t count = 0;
+  for (const InputFile& file : files) {
+    try {
+      sources.push_back(io::open_source(file.path, threads));
+    } catch (const Error& error) {
+      if (error.kind() != ErrorKind::file) throw;
+      if (count++ == 0) {
+        refused = error.what();
+      } else if (count <= kMostNames + 1) {
+        others += (count > 2 ? ", " : "") + platform::text_of(file.path.filename());
+      }
+    }
+  }
+  if (count == 0) return sources;
+  if (count > kMostNames + 1) others += ", ..";
+  if (count > 1) refused += "; nor can " + std::to_string(count - 1) + " more of the inputs be read: " + others;
+  throw Error(ErrorKind::file, refused);
+}
+
 // Of several inputs, an error names the one.
 Params in_units_of_file(const Params& params, const Source& source, bool are_several = false) {
   try {
@@ -109,21 +133,37 @@ Params in_units_of_file(const Params& params, const Source& source, bool are_sev
   }
 }
 
-// Coordinates in feet and in metres are not those of one cloud. `first`: the first source that says its unit; null:
-// none did.
-void refuse_other_unit(const Source& source, const Source*& first) {
-  constexpr double kSame = 1e-3;  // of the unit; feet are of several kinds
-  const std::optional<double> its = source.info().metres_per_unit;
-  if (!its) return;
-  if (!first) first = &source;
-  const double unit = *first->info().metres_per_unit;
-  if (std::abs(*its - unit) <= kSame * unit) return;
-  char lengths[2][32];
-  std::snprintf(lengths[0], sizeof lengths[0], "%.4g", *its);
-  std::snprintf(lengths[1], sizeof lengths[1], "%.4g", unit);
-  refuse(source.name() + ": its unit is " + lengths[0] + " m, and that of " + first->name() + " is " + lengths[1] +
-         " m, so that together they are no cloud; convert one of them, or treat every file on its own with run --each");
-}
+// Coordinates in feet and in metres are not those of one cloud, nor are such heights.
+class Units {
+ public:
+  void take(const Source& source) {
+    take(source, &FileInfo::metres_per_unit, "its unit", plane_);
+    take(source, &FileInfo::metres_per_height, "the unit of its heights", heights_);
+  }
+  std::optional<double> metres_per_unit() const { return plane_.metres; }
+
+ private:
+  // What the first file said that says it.
+  struct Said {
+    std::optional<double> metres{};
+    std::string file{};
+  };
+  static void take(const Source& source, std::optional<double> FileInfo::*unit, const char* name, Said& first) {
+    constexpr double kSame = 1e-3;  // of the unit; feet are of several kinds
+    const std::optional<double> its = source.info().*unit;
+    if (!its) return;
+    if (!first.metres) first = {its, source.name()};
+    if (std::abs(*its - *first.metres) <= kSame * *first.metres) return;
+    char lengths[2][32];
+    std::snprintf(lengths[0], sizeof lengths[0], "%.4g", *its);
+    std::snprintf(lengths[1], sizeof lengths[1], "%.4g", *first.metres);
+    refuse(source.name() + ": " + name + " is " + lengths[0] + " m, and that of " + first.file + " is " + lengths[1] +
+           " m, so that together they are no cloud; convert one of them, or treat every file on its own with run "
+           "--each");
+  }
+
+  Said plane_, heights_;
+};
 
 // A box of positions.
 struct Extent : io::BoxOf<double> {
@@ -324,20 +364,23 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.outlier_action = job.outlier_action;
   plan.coordinate_step = kInfinite;
   plan.memory = memory_of_task(job);
-  std::vector<std::shared_ptr<Source>> sources;
-  const Source* with_unit = nullptr;
-  for (InputFile file : files_of(job)) {
+  Units units;
+  std::vector<InputFile> files = files_of(job);
+  for (InputFile& file : files) {
     if (!job.write.overwrite && fs::exists(file.output))  // rather than after the work
       io::fail(platform::text_of(file.output), "exists already; add --force to replace it");
     file.fingerprint = fingerprint_of(file.path);
-    const auto& source = sources.emplace_back(io::open_source(file.path, threads));
+  }
+  const std::vector<std::shared_ptr<Source>> sources = open_all(files, threads);
+  for (std::size_t f = 0; f < files.size(); ++f) {
+    InputFile& file = files[f];
+    const std::shared_ptr<Source>& source = sources[f];
     refuse_if(why_not_written(job, *source, file.output));
     if (job.limits.strength > 0) io::check_not_geographic(*source);
     check_attributes(source, job.limits, job.noise_attribute);
-    refuse_other_unit(*source, with_unit);
-    if (with_unit) plan.metres_per_unit = with_unit->info().metres_per_unit;
+    units.take(*source);
     const Params params = in_units_of_file(job.params, *source, job.inputs.size() > 1);
-    if (sources.size() > 1 && params != plan.params)
+    if (f > 0 && params != plan.params)
       refuse(platform::text_of(file.path) +
              ": its unit is not that of the other inputs; give lengths without m, mm or cm");
     plan.params = params;
@@ -352,6 +395,7 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     plan.files.push_back(std::move(file));
     add_chunks(*source, plan);
   }
+  plan.metres_per_unit = units.metres_per_unit();
   if (job.write.strict) refuse_losses(plan);
   plan.sensor = sensor_of(job, sources);
   plan.seeks_sensor = job.viewpoint.empty() &&

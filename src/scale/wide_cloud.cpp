@@ -57,12 +57,12 @@ std::unique_ptr<Tasks> WideCloud::tasks_of(const WideJob& job, const MemoryFolde
   return std::make_unique<Tasks>(work, std::move(plan), std::move(tree), source_, job.noise, *backend_);
 }
 
-Measured WideCloud::measure(const WideJob& job, const std::stop_token& stop) {
+WideMeasured WideCloud::measure(const WideJob& job, const std::stop_token& stop) {
   const MemoryFolder work;
   const std::unique_ptr<Tasks> tasks = tasks_of(job, work);
   tasks->run_steps(WorkStep::Kind::measure, stop, {});
   tasks->settings();
-  return tasks->measured();
+  return {tasks->measured(), tasks->params()};
 }
 
 WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const ProgressFunction& progress) {

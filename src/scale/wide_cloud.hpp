@@ -30,6 +30,12 @@ struct WideResult {
   Report report;                       ///< without the device and the times
 };
 
+/// What a cloud shows, and the parameters that follow from it.
+struct WideMeasured {
+  Measured measured;
+  Params params;  ///< of a run, in a typical place
+};
+
 class WideCloud {
  public:
   /// Keeps its positions, 24 bytes a point. `backend` computes it, and nothing else meanwhile.
@@ -40,7 +46,7 @@ class WideCloud {
   static bool can_run(const Params& params, bool has_one_sensor);
 
   WideResult run(const WideJob& job, const std::stop_token& stop, const ProgressFunction& progress);
-  Measured measure(const WideJob& job, const std::stop_token& stop);
+  WideMeasured measure(const WideJob& job, const std::stop_token& stop);
   const Zones& zones() const { return zones_; }
 
  private:

@@ -41,6 +41,23 @@ double squared_reach(const std::vector<Position>& places, std::size_t at) {
   return nearest.back();
 }
 
+std::vector<Position> finite_of(std::vector<Position> places) {
+  std::erase_if(places, [](const Position& p) { return !std::isfinite(p[0] + p[1] + p[2]); });
+  return places;
+}
+
+// Of finite places, at least one.
+double float_step_of(const std::vector<Position>& places, const Position& origin) {
+  std::vector<double> far;
+  for (const Position& p : places) {
+    const Position d = difference(p, origin);
+    far.push_back(std::max({std::abs(d[0]), std::abs(d[1]), std::abs(d[2])}));
+  }
+  const auto farthest = far.end() - 1 - std::ptrdiff_t(kAside * double(far.size()));
+  std::nth_element(far.begin(), farthest, far.end());
+  return portable::power_of_two_below(*farthest) * 0x1p-23;
+}
+
 // Of a surface that has `share` of its points among these: a disc to the kNth nearest holds so many.
 double spacing_of(std::vector<Position> places, double share) {
   std::sort(places.begin(), places.end());
@@ -76,21 +93,14 @@ double coordinate_step(const Source& source) {
   return source.coordinate_type() == ScalarType::float32 ? kInfinite : source.info().step;
 }
 
-double float_step_around(const std::vector<Position>& places, const Position& origin) {
-  std::vector<double> far;
-  for (const Position& p : places) {
-    const Position d = difference(p, origin);
-    if (std::isfinite(d[0] + d[1] + d[2])) far.push_back(std::max({std::abs(d[0]), std::abs(d[1]), std::abs(d[2])}));
-  }
-  const auto farthest = far.end() - 1 - std::ptrdiff_t(kAside * double(far.size()));
-  std::nth_element(far.begin(), farthest, far.end());
-  return portable::power_of_two_below(*farthest) * 0x1p-23;
+double float_step_around(std::vector<Position> sample, const Position& origin) {
+  return float_step_of(finite_of(std::move(sample)), origin);
 }
 
 double zone_side(std::vector<Position> sample, std::uint64_t points, const Position& origin, double coordinate_step) {
-  std::erase_if(sample, [](const Position& p) { return !std::isfinite(p[0] + p[1] + p[2]); });
+  sample = finite_of(std::move(sample));
   if (sample.size() < kFewest) return 0;
-  const double step = float_step_around(sample, origin);
+  const double step = float_step_of(sample, origin);
   if (!(step > coordinate_step)) return 0;
   const double share = std::min(1.0, double(io::kSampledPositions) / double(points));
   const double spacing = spacing_of(std::move(sample), share);

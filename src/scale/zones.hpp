@@ -58,8 +58,8 @@ inline Point moved_offset(const Point& before, const Position& p, const Position
 /// floats already, from which an origin takes no digit.
 double coordinate_step(const Source& source);
 
-/// The step of floats around the origin where all but strays of a sample lie.
-double float_step_around(const std::vector<Position>& sample, const Position& origin);
+/// The step of floats around the origin where all but strays of a sample lie, one of which is finite at least.
+double float_step_around(std::vector<Position> sample, const Position& origin);
 
 /// The side of the zones of a cloud, 0 if it needs none: it needs zones where more than a hundredth of its points lie
 /// so far from its origin that floats step by more than the file's coordinates, and by more than 1/128 of the spacing,

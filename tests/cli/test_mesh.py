@@ -73,6 +73,30 @@ class Mesh(Case):
         self.assertNotEqual(before, after)
         self.assertIsNone(self.report("run", self.mesh, self.path("points.off"))["mesh"])
 
+    def test_vertices_that_limits_and_the_boundary_keep_count_once(self):
+        words = ["run", self.mesh, self.path("half.off"), "--connectivity", "mesh", "--box", "-9,-9,-9,11.5,99,9"]
+        says = self.ok(*words).stderr.decode()
+        place = lambda path: [row.split() for row in path.read_text().splitlines()[2:2 + 24 * 24]]
+        moved = sum(a != b for a, b in zip(place(self.mesh), place(self.path("half.off"))))
+        within = sum(x <= 11.5 for x, _, _ in self.vertices)
+        self.assertIn(f"{moved} points denoised", says)
+        self.assertIn(f"{4 * 23} kept as they were", says)
+        self.assertIn(f"held {24 * 24 - moved - 4 * 23} others in place", says)
+        self.assertLess(moved, within)
+        says = self.ok(*words[:-1], "-9,-9,-9,-8,99,9", "--force").stderr.decode()
+        self.assertIn(f"held {24 * 24 - 4 * 23} others in place", says)
+        self.assertIn("leave no point to denoise", says)
+
+    def test_all_points_of_an_stl_file_that_the_boundary_keeps_are_counted(self):
+        facets, kept = self.path("in.stl"), self.path("out.stl")
+        self.ok("run", self.mesh, facets, "--strength", 0, "--encoding", "ascii", "-q")
+        says = self.ok("run", facets, kept, "--connectivity", "mesh").stderr.decode()
+        corners = [[line for line in path.read_text().splitlines() if "vertex" in line] for path in (facets, kept)]
+        stayed = sum(a == b for a, b in zip(*corners))
+        self.assertGreater(stayed, 2 * 4 * 23)
+        self.assertIn(f"{len(corners[0]) - stayed} points denoised", says)
+        self.assertIn(f"{stayed} on the border of the mesh", says)
+
     def test_fleishman_tells_what_it_measured(self):
         words = ["--connectivity", "mesh", "--method", "fleishman"]
         used = self.report("run", self.mesh, self.path("out.off"), *words)["params"]

@@ -339,6 +339,33 @@ class Classes(Case):
         self.ok("run", self.las, self.out, "--outliers", "classify=40", "--force", "-q")
         self.ok("run", old, self.path("o.ply"), "--outliers", "classify=40", "-q")
 
+    def test_point_formats_without_a_class_for_high_noise_get_the_class_of_noise(self):
+        """The table of classes for point formats 0 to 5 has 7 for noise, and reserves 10, 11 and 13 to 31."""
+        old = write_old_las(self.path("old.las"), self.points)
+        kinds = lambda path: [path.read_bytes()[227 + 20 * i + 15] & 31 for i in range(3600)]
+        for tiles in ([], ["--tiles", 3]):
+            said = self.ok("run", old, self.out, "--force", "--outliers", "classify", *tiles).stderr.decode()
+            self.assertIn("note: 40 outliers are in class 7 (noise); "
+                          "point formats 0 to 5 of LAS have no class for high noise\n", said)
+            self.assertEqual([kinds(self.out).count(kind) for kind in (2, 7, 18)], [3560, 40, 0])
+        for value, is_reserved in ((7, False), (9, False), (11, True), (12, False), (18, True), (31, True)):
+            said = self.ok("run", old, self.out, "--force", "--outliers", f"classify={value}").stderr.decode()
+            told = f"class {value}, which LAS reserves in point formats 0 to 5; noise is class 7 there\n"
+            self.assertEqual(told in said, is_reserved)
+            self.assertEqual(kinds(self.out).count(value), 40)
+        said = self.ok("run", self.las, self.out, "--force", "--outliers", "classify=31").stderr.decode()
+        self.assertNotIn("reserves", said)
+
+    def test_many_files_of_both_kinds_of_point_formats_are_told_in_one_line(self):
+        beyond = [x > 6 for x, _, _ in self.points]
+        as_they_are = [(x - 5e5, y - 5.4e6, z - 100) for (x, y, z), is_beyond in zip(self.points, beyond) if is_beyond]
+        new = write_las(self.path("new.las"), as_they_are, [2] * len(as_they_are), scale=0.01)
+        old = write_old_las(self.path("old.las"), [p for p, is_beyond in zip(self.points, beyond) if not is_beyond])
+        said = self.ok("run", new, old, "--out-dir", self.path("out"), "--outliers", "classify").stderr.decode()
+        self.assertRegex(said, r"note: \d+ outliers are in class 7 \(noise\), \d+ in class 18 \(high noise\); "
+                               r"point formats 0 to 5 of LAS have no class")
+        self.assertIn(18, [record[KINDS] for record in records(self.path("out") / "new.las")])
+
     def test_what_cannot_be_is_refused(self):
         for words, says in (("classify=x", "0 to 255"), ("classify=256", "0 to 255"), ("classify=", "0 to 255"), ("classified", "--outliers")):
             self.fails(2, "run", self.las, self.out, "--outliers", words, says=says)

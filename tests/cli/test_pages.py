@@ -253,6 +253,19 @@ class Pages(Case):
         self.ok("run", self.scan, self.out, "-q", "--force")
         self.ok("certify", self.scan, self.out, "-q", "--force")
         self.assertRegex(self.path("out.html").read_text(), r"(?s)Warnings.*large against the cloud")
+        said = self.ok("certify", self.scan, self.out, "--force").stderr.decode()
+        self.assertRegex(said, r"note: .*large against the cloud, whose diagonal is 17\d\d")
+        self.assertNotIn("no result of", said)
+
+    def test_certify_tells_two_files_that_are_no_pair(self):
+        points = [(x + 40, y, z) for x, y, z in ground(900)]
+        tile = write_las(self.path("tile.las"), ground(900), [2] * 900)
+        other = write_las(self.path("other.las"), points, [2] * 900)
+        said = self.ok("certify", tile, other).stderr.decode()
+        note = ("points lie up to 40 m from where they were, which is more than half of the cloud: "
+                "other.las seems to be no result of tile.las")
+        self.assertIn("note: " + note.replace(" m ", " "), said)
+        self.assertIn(note, Page(self.path("other.html")).text)
 
     def test_classes_and_units(self):
         rng = random.Random(5)

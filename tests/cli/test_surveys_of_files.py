@@ -61,6 +61,14 @@ class Surveys(Case):
             self.skipTest("built without LASzip")
         self.ok("run", self.vpc(["./a.copc.laz"]), "--out-dir", self.path("out"), "-q")
         self.assertEqual([entry.name for entry in self.path("out").iterdir()], ["a.laz"])
+        note = "the COPC index of the input no longer fits"
+        for inputs, names in ((["a.copc.laz"], ""), (["a.copc.laz", "tiles/part1.las"], "a.copc.laz: "),
+                              (["b.copc.laz", "a.copc.laz", "tiles/part1.las"], "b.copc.laz and 1 more: ")):
+            if "b.copc.laz" in inputs:
+                self.ok("run", self.tiles / "part1.las", self.path("b.copc.laz"), "--strength", "0", "-q")
+                write_las(self.tiles / "part1.las", [(x + 30, y, z) for x, y, z in ground(400)], [2] * 400)
+            said = self.ok("run", *map(self.path, inputs), "--out-dir", self.path("named"), "--force").stderr.decode()
+            self.assertIn(f"note: {names}{note}", said)
 
     def test_a_tile_of_another_coordinate_system_is_named(self):
         said = self.ok("run", self.tiles, "--out-dir", self.path("one")).stderr.decode()
@@ -76,6 +84,30 @@ class Surveys(Case):
         self.fails(2, "run", self.tiles, "--out-dir", refused, "--noise", "2cm", says=["part3.las: --noise", "unit"])
         self.assertFalse(refused.exists(), "a folder for results that never came")
 
+    def test_an_input_that_would_be_replaced_in_tiles_is_refused_without_advice_that_does_not_help(self):
+        part = self.tiles / "part0.las"
+        for words in (["run", self.tiles, "--out-dir", self.tiles], ["run", part, part, "--tiles", 2],
+                      ["run", part, "--out-dir", self.tiles]):
+            for more in ([], ["--force"]):
+                said = self.fails(2, *words, *more, says=["part0.las: is input and output at once", "name another output"])
+                self.assertNotIn("--force", said)
+
+    def test_folders_in_a_folder_are_told(self):
+        said = self.fails(3, "run", self.folder, "--out-dir", self.path("out"),
+                          says="the folders in it are not looked into; name these")
+        self.assertIn("there are no point clouds in this folder", said)
+
+    def test_all_inputs_that_cannot_be_read_are_named_at_once(self):
+        (self.tiles / "part1.las").write_bytes((self.tiles / "part1.las").read_bytes()[:1000])
+        for n in range(2, 9):
+            (self.tiles / f"part{n}.las").write_bytes(b"")
+        said = self.fails(3, "run", self.tiles, "--out-dir", self.path("out"), says="part1.las: ")
+        names = "part2.las, part3.las, part4.las, part5.las, part6.las, .."
+        self.assertIn(f"; nor can 7 more of the inputs be read: {names}\n", said)
+        parts = [self.tiles / f"part{n}.las" for n in (0, 7, 8)]
+        self.fails(3, "run", *parts, "--out-dir", self.path("out"),
+                   says=["part7.las: ", "; nor can 1 more of the inputs be read: part8.las\n"])
+
     def test_files_in_feet_and_in_metres_are_no_cloud(self):
         write_las(self.tiles / "part2.las", ground(400), [2] * 400, crs=FEET)
         said = self.fails(2, "run", self.tiles, "--out-dir", self.path("out"),
@@ -84,6 +116,20 @@ class Surveys(Case):
         self.fails(2, "tile", "plan", self.tiles, "--out-dir", self.path("out"), "--work", self.path("work"),
                    says="part2.las: its unit")
         self.ok("run", self.tiles, "--out-dir", self.path("out"), "--each", "-q")
+
+    def test_files_with_heights_in_feet_and_in_metres_are_no_cloud(self):
+        both = b'COMPD_CS["both",PROJCS["UTM",UNIT["metre",1]],VERT_CS["heights",UNIT["metre",1]]]'
+        feet = both.replace(b'VERT_CS["heights",UNIT["metre",1]]', b'VERT_CS["heights",UNIT["foot",0.3048]]')
+        points = list(ground(400))
+        write_las(self.tiles / "part2.las", points, [2] * 400, crs=both)
+        write_las(self.tiles / "part3.las", points, [2] * 400, crs=feet)
+        said = self.fails(2, "run", self.tiles, "--out-dir", self.path("out"),
+                          says=["part3.las: the unit of its heights is 0.3048 m", "run --each"])
+        self.assertRegex(said, r"that of \S*part2.las is 1 m")
+        self.fails(2, "compare", self.tiles / "part2.las", self.tiles / "part3.las",
+                   says="the unit of the heights of one is 1 m")
+        (self.tiles / "part2.las").unlink()  # the others do not say it
+        self.ok("run", self.tiles, "--out-dir", self.path("out"), "-q")
 
     def test_more_files_than_a_process_may_hold_open(self):
         many = self.path("many")

@@ -10,7 +10,7 @@ import subprocess
 import time
 import unittest
 
-from program import BIN, Case, read_ply
+from program import BIN, Case, read_ply, run
 from survey_files import ground, las_grid, write_las
 from test_tiled import write_binary
 
@@ -171,6 +171,10 @@ class Zones(Case):
             self.assertGreater(min(noise), 0.7 * expected, words)
             self.assertLess(max(noise), 1.4 * expected, words)
         self.fails(2, "run", cloud, self.path("normals.ply"), "--normals", "write", says=["too wide for normals", "less wide"])
+        words = ["run", cloud, self.path("normals.ply"), "--normals", "write", "--progress", "plain"]
+        before_the_run = run(*words).stderr.decode()
+        self.assertIn("reading", before_the_run)
+        self.assertNotIn("denoise", before_the_run)
 
     def test_what_follows_no_zones_is_done_around_one_origin(self):
         result = self.ok("run", self.wide, self.path("out.las"), "--method", "learned")

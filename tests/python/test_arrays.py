@@ -381,6 +381,28 @@ def test_a_pipeline_of_images():
     assert pipeline.run(k=10).shape == (400, 3) and pipeline.normals().shape == (400, 3)
 
 
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_rows_of_zeros_are_points_where_nothing_names_a_sensor(tmp_path, dtype):
+    """A turn of a lidar in a room, a fifth of whose rays came back empty: as an array, as rows of NaN, as a KITTI file."""
+    rng = np.random.default_rng(7)
+    around, up = rng.uniform(0, 2 * np.pi, 20000), rng.uniform(-0.4, 0.1, 20000)
+    rays = np.c_[np.cos(up) * np.cos(around), np.cos(up) * np.sin(around), np.sin(up)]
+    ranges = np.minimum(1.7 / np.maximum(-rays[:, 2], 1e-6), 9 / np.abs(rays[:, :2]).max(axis=1)) + rng.normal(0, 0.02, 20000)
+    empty = rng.random(20000) < 0.2
+    points = np.where(empty[:, None], 0, rays * ranges[:, None]).astype(np.float32).astype(dtype)
+    as_points, counted = pf.denoise(points, return_report=True)
+    left_out, told = pf.denoise(np.where(empty[:, None], np.nan, points).astype(dtype), return_report=True)
+    assert same_bits(as_points[~empty], left_out[~empty]) and (as_points[~empty] != points[~empty]).any()
+    assert (as_points[empty] == 0).all()  # one place, with nothing near it
+    assert counted.unmoved.non_finite == 0 and told.unmoved.non_finite == empty.sum()
+    assert counted.unmoved.too_few_neighbors == empty.sum() and told.unmoved.too_few_neighbors == 0
+    np.c_[points, points[:, 2]].astype(np.float32).tofile(tmp_path / "turn.bin")
+    of_file = pf.read(tmp_path / "turn.bin", format="kitti").denoise().xyz
+    assert np.isnan(of_file[empty]).all()
+    if dtype == np.float32:
+        assert same_bits(of_file[~empty], left_out[~empty])
+
+
 def test_files_and_batches_take_rows_and_say_how():
     for call in (pf.Cloud, lambda points: pf.denoise_batch([points])):
         with pytest.raises(pf.UsageError, match=r"reshape\(-1, 3\)"):

@@ -144,6 +144,11 @@ def test_neighbors_of_points_far_from_each_other_are_right_or_refused():
         pf.nearest_neighbors(halves, 8)
     with pytest.raises(pf.UsageError, match="too wide for normals"):
         pf.denoise(halves, step=laplacian)
+    stages: list[str] = []
+    for cloud in (halves, pf.Cloud(halves)):
+        with pytest.raises(pf.UsageError, match="too wide for normals"):
+            pf.denoise(cloud, normals=True, return_report=True, progress=lambda share, stage: stages.append(stage))
+    assert stages == []  # before the run
     grid = np.stack(np.meshgrid(*[np.arange(10) * 1e6] * 3), -1).reshape(-1, 3)  # wide, and as sparse
     assert (np.linalg.norm(grid[pf.nearest_neighbors(grid, 3)] - grid[:, None], axis=2) == 1e6).all()
 

@@ -147,7 +147,11 @@ void Document::read_buffers() {
         const std::filesystem::path path = platform::path_of(without_escapes(text));
         if (path.is_absolute() || text.find("://") != std::string::npos)
           fail(name_, "its buffer " + text.substr(0, 80) + " is not a file beside it; export it as .glb");
-        files_.push_back(FileBytes::open(platform::path_of(name_).parent_path() / path));
+        const std::filesystem::path whole = platform::path_of(name_).parent_path() / path;
+        std::error_code unknown;
+        if (!std::filesystem::exists(whole, unknown))
+          fail(name_, "its buffer " + platform::text_of(whole) + " is not there; copy it too, or export it as .glb");
+        files_.push_back(FileBytes::open(whole));
         file_size_ += files_.back().view().size();
       }
       bytes = files_.back().view();

@@ -93,11 +93,9 @@ FileInfo LasSource::info() const {
   const CoordinateSystem system = coordinate_system(header);
   FileInfo result;
   result.metres_per_unit = system.metres_per_unit;
-  constexpr double kSame = 1e-5;  // feet of surveys and others differ by 2e-6, which no height shows
-  if (system.metres_per_unit && system.metres_per_height &&
-      std::abs(*system.metres_per_height / *system.metres_per_unit - 1) > kSame)
-    result.metres_per_height = system.metres_per_height;
+  result.metres_per_height = system.metres_per_height;
   result.is_geographic = system.is_geographic;
+  result.has_old_classes = header.point_format < 6;
   result.step = *std::max_element(header.scaling.scale.begin(), header.scaling.scale.end());
   result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
                  {"point_format", std::to_string(header.point_format)},
