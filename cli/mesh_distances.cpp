@@ -94,9 +94,9 @@ using Side = std::pair<std::uint32_t, std::uint32_t>;
 bool encloses(std::vector<Side> sides) {
   std::vector<Side> back;
   for (const auto& [from, to] : sides) back.emplace_back(to, from);
-  std::sort(sides.begin(), sides.end());
-  std::sort(back.begin(), back.end());
-  return sides == back && std::adjacent_find(sides.begin(), sides.end()) == sides.end();
+  std::ranges::sort(sides);
+  std::ranges::sort(back);
+  return sides == back && std::ranges::adjacent_find(sides) == sides.end();
 }
 
 std::optional<double> volume_of(std::span<const Vec3> vertices, const Polygons& faces) {
@@ -135,8 +135,8 @@ std::vector<std::uint32_t> weld(std::span<const Vec3> vertices) {
   std::vector<std::uint32_t> order(vertices.size()), first(vertices.size());
   std::iota(order.begin(), order.end(), 0u);
   std::erase_if(order, [&](std::uint32_t i) { return !is_finite(vertices[i]); });
-  std::sort(order.begin(), order.end(),
-            [&](std::uint32_t i, std::uint32_t j) { return key(i) != key(j) ? key(i) < key(j) : i < j; });
+  std::ranges::sort(order,
+                    [&](std::uint32_t i, std::uint32_t j) { return key(i) != key(j) ? key(i) < key(j) : i < j; });
   for (std::size_t n = 0; n < order.size(); ++n) {
     const bool same = n > 0 && key(order[n]) == key(order[n - 1]);
     first[order[n]] = same ? first[order[n - 1]] : order[n];

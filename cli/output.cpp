@@ -48,7 +48,7 @@ int exit_code(ErrorKind kind) {
 
 void print_error(std::string_view message) {
   std::string line = fmt::format("pointfair: {}", message);
-  std::replace(line.begin(), line.end(), '\n', ' ');
+  std::ranges::replace(line, '\n', ' ');
   if (system::errors_go_to_terminal()) line.insert(0, "\r\x1b[K");  // over a progress bar
   print_message("{}\n", line);
 }

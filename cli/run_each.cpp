@@ -114,9 +114,7 @@ void print_row(const Row& row, std::size_t number, std::size_t all) {
 
 // Throws if some failed.
 void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
-  const auto count = [&](const char* status) {
-    return std::count_if(rows.begin(), rows.end(), [&](const Row& row) { return row.status == status; });
-  };
+  const auto count = [&](const char* status) { return std::ranges::count(rows, status, &Row::status); };
   const auto failures = count("failed");
   if (!arguments.quiet)
     print_message("{} of {} files written, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),

@@ -63,7 +63,7 @@ class TriangleSampler {
   Vec3 draw(Random& random) const {
     for (;;) {
       const double target = random.uniform() * cumulative_.back();
-      const auto found = std::upper_bound(cumulative_.begin(), cumulative_.end(), target);
+      const auto found = std::ranges::upper_bound(cumulative_, target);
       const auto index = std::min<std::ptrdiff_t>(found - cumulative_.begin(), std::ssize(cumulative_) - 1);
       const TriangleIndices& t = triangles_[static_cast<std::size_t>(index)];
       const Vec3 place = place_on(t, random);
@@ -172,8 +172,7 @@ void add_noise(std::span<Point> points, double sigma, std::uint64_t seed) {
 // Algorithm S of Knuth, The Art of Computer Programming 2, 3.4.2: each point in turn is chosen with the chance wanted /
 // remaining, which makes the number exact.
 void add_outliers(std::span<Point> points, double share, std::uint64_t seed) {
-  auto remaining =
-      static_cast<double>(std::count_if(points.begin(), points.end(), [](const Point& p) { return is_finite(p); }));
+  auto remaining = static_cast<double>(std::ranges::count_if(points, [](const Point& p) { return is_finite(p); }));
   double wanted = std::floor(share * remaining + 0.5);
   const Box box = bounding_box(points);
   for (std::uint64_t i = 0; i < points.size() && wanted > 0; ++i) {

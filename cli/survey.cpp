@@ -62,7 +62,7 @@ std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_fo
   if (files.empty())
     fail(folder,
          fmt::format("there are no {} in this folder; name another", takes_floats ? ".bin files" : "point clouds"));
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   leave_notes_out(folder, files);
   return files;
 }

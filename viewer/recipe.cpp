@@ -196,7 +196,7 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
     std::string word = errand.encoding;
-    std::replace(word.begin(), word.end(), '-', '_');
+    std::ranges::replace(word, '-', '_');
     fmt::format_to(out, "  options.encoding = pointfair::Encoding::{};\n", word);
   }
   fmt::format_to(out, "  pointfair::write({}, denoised, options);\n}}\n", literal(errand.output));

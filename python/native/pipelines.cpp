@@ -229,7 +229,7 @@ void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
   const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
   auto* const copy = new std::vector<std::uint8_t>(found.size());
-  std::transform(found.begin(), found.end(), copy->begin(), [](std::uint8_t reason) { return reason != 0; });
+  std::ranges::transform(found, copy->begin(), [](std::uint8_t reason) { return reason != 0; });
   nb::capsule owner(copy, [](void* pointer) noexcept { delete static_cast<std::vector<std::uint8_t>*>(pointer); });
   return {copy->data(), {copy->size()}, owner};
 }

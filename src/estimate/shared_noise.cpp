@@ -51,7 +51,7 @@ void add_heights(std::span<const Point> row, Heights& heights) {
     if (squared > 0) others.emplace_back(squared - height * height, std::abs(height));
   }
   if (others.size() < kFarRanks[1]) return;
-  std::sort(others.begin(), others.end());
+  std::ranges::sort(others);
   for (std::size_t rank = 0; rank < kFarRanks[1]; ++rank) {
     if (rank < kNearRank) heights.near.push_back(others[rank].second);
     if (rank >= kFarRanks[0]) heights.far.push_back(others[rank].second);

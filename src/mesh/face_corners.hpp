@@ -49,8 +49,8 @@ class FaceCorners {
   bool all_differ() {
     if (corners_.size() == 3) return true;  // those beside each other do
     sorted_ = corners_;
-    std::sort(sorted_.begin(), sorted_.end());
-    return std::adjacent_find(sorted_.begin(), sorted_.end()) == sorted_.end();
+    std::ranges::sort(sorted_);
+    return std::ranges::adjacent_find(sorted_) == sorted_.end();
   }
 
   const Polygons& faces_;

@@ -18,8 +18,7 @@ struct Part {
 using FaceVertices = std::span<const std::uint32_t>;
 
 OrderedFaces::Beside beside_of(FaceVertices corners, std::uint32_t vertex) {
-  const std::size_t own = std::size_t(std::find(corners.begin(), corners.end(), vertex) - corners.begin()),
-                    last = corners.size() - 1;
+  const std::size_t own = std::size_t(std::ranges::find(corners, vertex) - corners.begin()), last = corners.size() - 1;
   return {corners[own < last ? own + 1 : 0], corners[own > 0 ? own - 1 : last]};
 }
 
@@ -37,7 +36,7 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
     Part& part = parts[block];
     FaceCorners each(faces, vertices.of_point);
     part.degenerate = each.for_each(first, last, [&](std::span<std::uint32_t> corners) {
-      std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+      std::rotate(corners.begin(), std::ranges::min_element(corners), corners.end());
       part.corners.insert(part.corners.end(), corners.begin(), corners.end());
       part.sizes.push_back(std::uint32_t(corners.size()));
     });
@@ -53,16 +52,14 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
       });
   for_mesh_items(vertices.size(), for_each, [&](std::size_t v) {
     const std::span<FaceVertices> its = sorted.of(v);
-    std::sort(its.begin(), its.end(), [](FaceVertices a, FaceVertices b) {
-      return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
-    });
+    std::ranges::sort(its, [](FaceVertices a, FaceVertices b) { return std::ranges::lexicographical_compare(a, b); });
   });
   faces_.ends.resize(sorted.items.size());
   const auto size = [&](std::size_t f) { return sorted.items[f].size(); };
   faces_.corners.resize(place_in_order(faces_.ends.size(), for_each, size,
                                        [&](std::size_t f, std::size_t begin) { faces_.ends[f] = begin + size(f); }));
   for_mesh_items(faces_.ends.size(), for_each, [&](std::size_t f) {
-    std::copy(sorted.items[f].begin(), sorted.items[f].end(), faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
+    std::ranges::copy(sorted.items[f], faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
   });
 }
 

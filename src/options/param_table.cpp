@@ -102,7 +102,7 @@ std::string length_text(const Length& length) {
 
 std::size_t word_index(const ParamInfo& info, std::string_view text) {
   const auto words = words_of(info.values);
-  const auto found = std::find(words.begin(), words.end(), text);
+  const auto found = std::ranges::find(words, text);
   if (found == words.end()) refuse(info, text, wanted_values(info));
   return std::size_t(found - words.begin());
 }
@@ -198,16 +198,15 @@ Params paper_preset() {
 
 const ParamInfo* find_param(std::string_view name) {
   const auto same = [&](const ParamInfo& info) {
-    return std::equal(info.name.begin(), info.name.end(), name.begin(), name.end(),
-                      [](char a, char b) { return joined(a) == joined(b); });
+    return std::ranges::equal(info.name, name, [](char a, char b) { return joined(a) == joined(b); });
   };
-  const auto found = std::find_if(kParams.begin(), kParams.end(), same);
+  const auto found = std::ranges::find_if(kParams, same);
   return found == kParams.end() ? nullptr : &*found;
 }
 
 std::string flag_of(std::string_view name) {
   std::string flag = "--" + std::string(name);
-  std::replace(flag.begin(), flag.end(), '_', '-');
+  std::ranges::replace(flag, '_', '-');
   return flag;
 }
 

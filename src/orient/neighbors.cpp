@@ -46,7 +46,7 @@ class Tree {
 
   /// The nearest of the point at `at` of the order of the tree, in `found`, which has room for k.
   std::uint32_t find(std::size_t at, std::span<Found> found) const {
-    std::fill(found.begin(), found.end(), Found{std::numeric_limits<float>::infinity(), kNone});
+    std::ranges::fill(found, Found{std::numeric_limits<float>::infinity(), kNone});
     visit(0, 0, order_.size(), Query{sorted_[at], order_[at], found});
     return order_[at];
   }

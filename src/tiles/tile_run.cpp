@@ -44,7 +44,7 @@ class Engine {
   // The workers in turn, so that one computes while another is copied to and from.
   void feed(std::span<TileWorker> workers) {
     const auto any_at_work = [&] {
-      return std::any_of(workers.begin(), workers.end(), [](const TileWorker& w) { return w.task.has_value(); });
+      return std::ranges::any_of(workers, [](const TileWorker& w) { return w.task.has_value(); });
     };
     for (std::size_t turn = 0;; ++turn) {
       throw_if_stopped(stop_);
@@ -132,8 +132,7 @@ class Engine {
   }
 
   static bool is_wanted(const TileTask& task, std::uint32_t number, const Point& p) {
-    return task.cell ? is_in_cell(*task.cell, to_vec3(p))
-                     : std::binary_search(task.listed.begin(), task.listed.end(), number);
+    return task.cell ? is_in_cell(*task.cell, to_vec3(p)) : std::ranges::binary_search(task.listed, number);
   }
 
   // Does `work` for the worker's task; false where it needs more memory than there is, and the task was split.
@@ -188,7 +187,7 @@ class Engine {
   }
 
   TileTask listed(Indices indices, double halo) const {
-    std::sort(indices.begin(), indices.end());
+    std::ranges::sort(indices);
     Bounds bounds = kNoBounds;
     for (const std::uint32_t i : indices) include(bounds, run_.store.points()[i]);
     return {std::nullopt, std::move(indices), bounds, halo};

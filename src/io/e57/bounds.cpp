@@ -95,7 +95,7 @@ class Widener {
 
   std::string apply() {
     if (edits_.empty()) return xml_;
-    std::sort(edits_.begin(), edits_.end(), [](const Edit& a, const Edit& b) { return a.begin < b.begin; });
+    std::ranges::sort(edits_, {}, &Edit::begin);
     std::string result;
     PatchedText patched(xml_, result);
     for (const Edit& edit : edits_)

@@ -116,8 +116,7 @@ class E57Writer {
 
   static std::vector<Overlap> overlaps(const std::vector<Piece>& pieces, std::uint64_t from, std::uint64_t to) {
     std::vector<Overlap> result;
-    auto piece = std::upper_bound(pieces.begin(), pieces.end(), from,
-                                  [](std::uint64_t place, const Piece& p) { return place < p.place + p.size; });
+    auto piece = std::ranges::upper_bound(pieces, from, {}, [](const Piece& p) { return p.place + p.size; });
     for (; piece != pieces.end() && piece->place < to; ++piece)
       result.push_back({&*piece, std::max(from, piece->place), std::min(to, piece->place + piece->size)});
     return result;
@@ -159,7 +158,7 @@ class E57Writer {
     }
     if (first >= last) return false;
     const Moved moved = find_moved(scan, first, last);
-    const bool none = std::none_of(moved.changed.begin(), moved.changed.end(), [](std::uint8_t c) { return c != 0; });
+    const bool none = std::ranges::none_of(moved.changed, [](std::uint8_t c) { return c != 0; });
     for (std::size_t f = 0; f < fields.size(); ++f) {
       if (none && !fields[f].replacement) continue;
       for (const Overlap& part : parts[f]) patch_part(scan, fields[f], part, moved, first, from, buffer);

@@ -16,7 +16,7 @@ const Json& array_of(const Json& object, const char* key) {
 
 std::size_t count_with(const Json& objects, const char* key) {
   return static_cast<std::size_t>(
-      std::count_if(objects.begin(), objects.end(), [&](const Json& object) { return object.contains(key); }));
+      std::ranges::count_if(objects, [&](const Json& object) { return object.contains(key); }));
 }
 
 class Contents {
@@ -58,8 +58,7 @@ class Contents {
         shapes += array_of(primitive, "targets").size();
         const Json named = primitive.value("attributes", Json::object());
         for (const auto& [name, accessor] : named.items())
-          if (std::find(std::begin(kReadAttributes), std::end(kReadAttributes), name) == std::end(kReadAttributes))
-            attributes.insert(name);
+          if (std::ranges::find(kReadAttributes, name) == std::end(kReadAttributes)) attributes.insert(name);
       }
     }
     tell(ContentKind::elements, lines, "mesh of lines", "meshes of lines");

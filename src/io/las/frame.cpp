@@ -54,8 +54,8 @@ void Frame::put_record(std::string_view user, unsigned id, std::string_view desc
   if (data.size() > std::numeric_limits<std::uint16_t>::max())
     fail(name_, "the descriptions of its attributes no longer fit in one record; write another format");
   Piece made{std::string(user), id, make_record(user, id, description, data)};
-  const auto same = std::find_if(records_.begin(), records_.end(),
-                                 [&](const Piece& piece) { return piece.user == user && piece.id == id; });
+  const auto same =
+      std::ranges::find_if(records_, [&](const Piece& piece) { return piece.user == user && piece.id == id; });
   if (same == records_.end()) {
     records_.push_back(std::move(made));
   } else {
