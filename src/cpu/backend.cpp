@@ -16,7 +16,7 @@
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
 #include "platform/many_threads.hpp"
-#include "platform/processor.hpp"
+#include "platform/process.hpp"
 #include "point/outliers.h"
 #include "seam/cloud_sample.hpp"
 #include "seam/exactness.hpp"
