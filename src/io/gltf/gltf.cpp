@@ -10,7 +10,6 @@
 #include "io/formats.hpp"
 #include "io/gltf/contents.hpp"
 #include "io/gltf/document.hpp"
-#include "io/gltf/materials.hpp"
 
 namespace pointfair::io {
 namespace gltf {
