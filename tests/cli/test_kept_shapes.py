@@ -1,10 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Clouds that are not like the usual scan keep their shape, and what is noise in them goes."""
 import itertools
 import math
 import random
-import unittest
 
 from program import Case, positions, read_ply
 from test_tiled import write_binary
@@ -135,7 +133,3 @@ class KeptShapes(Case):
             places = [(rng.uniform(0, 100), rng.uniform(0, 100)) for _ in range(1200)]
             off = rms(z - height(x, y) for x, y, z in self.denoised([(x, y, height(x, y) + rng.gauss(0, .03)) for x, y in places]))
             self.assertLess(off, .1 * math.sqrt(100 * 100 / 1200), seed)  # spacings
-
-
-if __name__ == "__main__":
-    unittest.main()
