@@ -29,21 +29,8 @@ void write_stream(const fs::path& path, std::string_view text, const fs::path& n
 }  // namespace
 
 int exit_code(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::usage:
-      return kExitUsage;
-    case ErrorKind::file:
-      return kExitFile;
-    case ErrorKind::memory:
-      return kExitMemory;
-    case ErrorKind::device:
-      return kExitDevice;
-    case ErrorKind::interrupted:
-      return kExitInterrupted;
-    case ErrorKind::failed:
-      break;
-  }
-  return kExitFailed;
+  constexpr int kCodes[] = {kExitFailed, kExitUsage, kExitFile, kExitMemory, kExitDevice, kExitInterrupted};
+  return kCodes[static_cast<std::size_t>(kind)];
 }
 
 void print_error(std::string_view message) {

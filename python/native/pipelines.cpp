@@ -25,16 +25,8 @@ const char* name_of(Device::Kind kind) {
 
 // What run gives back.
 const char* name_of(ArrayPipeline::Kind kind) {
-  switch (kind) {
-    case ArrayPipeline::Kind::nothing:
-      return "nothing";
-    case ArrayPipeline::Kind::cloud:
-      return "cloud";
-    case ArrayPipeline::Kind::on_card:
-      return "array on card";
-    default:
-      return "array";
-  }
+  constexpr const char* kNames[] = {"nothing", "array", "array", "cloud", "array on card"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 using OptionalBox = std::optional<std::array<double, 6>>;

@@ -313,14 +313,10 @@ std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud) {
 
 std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);
-  switch (header.encoding) {
-    case Encoding::ascii:
-      return read_ascii(std::move(bytes), std::move(header), name);
-    case Encoding::binary:
-      return read_plain(std::move(bytes), std::move(header), name);
-    default:
-      return read_packed(std::move(bytes), std::move(header), name);
-  }
+  const auto read = header.encoding == Encoding::ascii    ? read_ascii
+                    : header.encoding == Encoding::binary ? read_plain
+                                                          : read_packed;
+  return read(std::move(bytes), std::move(header), name);
 }
 
 void write_pcd(Table table, const Writing& writing, Output& out) {
