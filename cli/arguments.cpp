@@ -31,7 +31,7 @@ std::vector<std::string> names(const Table& table) {
 
 template <class Table>
 auto find_value(const Table& table, std::string_view name) {
-  const auto row = std::find_if(std::begin(table), std::end(table), [&](const auto& r) { return r.first == name; });
+  const auto row = std::ranges::find_if(table, [&](const auto& r) { return r.first == name; });
   using Value = decltype(row->second);
   return row == std::end(table) ? std::optional<std::remove_const_t<Value>>() : row->second;
 }
@@ -190,7 +190,7 @@ ReadOptions make_read_options(const InputArguments& arguments, unsigned threads)
     rest.remove_prefix(std::min(comma + 1, rest.size()));
   }
   for (const char* axis : {"x", "y", "z"}) {
-    if (!options.columns.empty() && std::count(options.columns.begin(), options.columns.end(), axis) != 1)
+    if (!options.columns.empty() && std::ranges::count(options.columns, axis) != 1)
       throw Error(ErrorKind::usage,
                   fmt::format("--columns {}: x, y and z must be there, once each", arguments.columns));
   }
@@ -238,7 +238,7 @@ std::vector<std::string> with_dashes(std::vector<std::string> words) {
 
 std::vector<std::string> complete_switches(std::vector<std::string> words) {
   for (std::size_t i = 0; i < words.size(); ++i) {
-    const bool bare = std::any_of(kParams.begin(), kParams.end(), [&](const ParamInfo& info) {
+    const bool bare = std::ranges::any_of(kParams, [&](const ParamInfo& info) {
       return std::holds_alternative<bool Params::*>(info.field) && words[i] == flag_of(info.name);
     });
     const bool valued = i + 1 < words.size() && (words[i + 1] == "on" || words[i + 1] == "off");

@@ -45,7 +45,7 @@ std::uint64_t differing(const Attribute& a, const Attribute& b, std::size_t poin
 void compare_attributes(const Cloud& before, const Cloud& after, Comparison& result) {
   const std::vector<AttributeInfo> its = attributes(before), others = attributes(after);
   const auto find = [](const std::vector<AttributeInfo>& all, const std::string& name) {
-    return std::find_if(all.begin(), all.end(), [&](const AttributeInfo& info) { return info.name == name; });
+    return std::ranges::find(all, name, &AttributeInfo::name);
   };
   for (const AttributeInfo& info : its) {
     const auto other = find(others, info.name);

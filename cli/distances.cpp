@@ -177,8 +177,8 @@ std::vector<HalfEdge> half_edges(std::span<const Vec3> vertices, std::span<const
           {std::min(a, b), std::max(a, b), a < b, (1 / size) * normal, {vertices[from], vertices[to], vertices[to]}});
     }
   }
-  std::sort(result.begin(), result.end(),
-            [](const HalfEdge& x, const HalfEdge& y) { return x.low != y.low ? x.low < y.low : x.high < y.high; });
+  std::ranges::sort(
+      result, [](const HalfEdge& x, const HalfEdge& y) { return x.low != y.low ? x.low < y.low : x.high < y.high; });
   return result;
 }
 

@@ -116,7 +116,7 @@ std::string scale_of(std::span<const char* const> colours, std::string_view low,
 std::string histogram_of(const std::vector<double>& counts, std::string_view alt, std::string_view most,
                          std::string_view axis) {
   constexpr double kWidth = 720, kHeight = 170, kBase = 140;
-  const double highest = std::max(1.0, *std::max_element(counts.begin(), counts.end()));
+  const double highest = std::max(1.0, *std::ranges::max_element(counts));
   const double step = kWidth / static_cast<double>(counts.size());
   std::string bars;
   for (std::size_t i = 0; i < counts.size(); ++i) {

@@ -85,10 +85,10 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
     return nullptr;
   }
   const auto is_named = [&](const Verb& verb) { return verb.command->get_name() == words[0]; };
-  if (!words[0].starts_with('-') && std::none_of(verbs.begin(), verbs.end(), is_named))
+  if (!words[0].starts_with('-') && std::ranges::none_of(verbs, is_named))
     throw Error(ErrorKind::usage, unknown_verb(words[0], app));
   words = complete_switches(with_dashes(std::move(words)));
-  std::reverse(words.begin(), words.end());  // as CLI11 wants them
+  std::ranges::reverse(words);  // as CLI11 wants them
   try {
     app.parse(std::move(words));
   } catch (const CLI::CallForHelp&) {
@@ -103,7 +103,7 @@ const Verb* parse(CLI::App& app, const std::vector<Verb>& verbs, std::vector<std
   } catch (const CLI::ParseError& error) {
     throw Error(ErrorKind::usage, told(error, app));
   }
-  return &*std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.command->parsed(); });
+  return &*std::ranges::find_if(verbs, [](const Verb& verb) { return verb.command->parsed(); });
 }
 
 void run_verb(std::vector<std::string> words, std::stop_token stop) {

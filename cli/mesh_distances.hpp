@@ -1,17 +1,43 @@
 // SPDX-License-Identifier: Apache-2.0
-// How the faces of one mesh differ from another mesh.
+// Exact distances to triangles, and how the faces of one mesh differ from another mesh.
 #pragma once
 
 #include <cstdint>
+#include <limits>
+#include <memory>
 #include <optional>
 #include <span>
 #include <vector>
 
 #include "pointfair/cloud.hpp"
 #include "statistics.hpp"
-#include "surface.hpp"
+#include "vec3.hpp"
 
 namespace pointfair::cli {
+
+/// May be degenerate: two equal corners make a segment, three a point.
+struct Triangle {
+  Vec3 a, b, c;
+};
+
+struct Foot {
+  Vec3 place;  ///< the closest point
+  double squared_distance = std::numeric_limits<double>::infinity();
+  std::uint32_t triangle = 0;  ///< that it lies on; of several the first that was found
+};
+
+/// Triangles that can be asked for their closest point by many threads at once, through a tree of bounding boxes.
+class Surface {
+ public:
+  explicit Surface(std::vector<Triangle> triangles);
+  ~Surface();
+
+  Foot closest(Vec3 point) const;
+
+ private:
+  struct Tree;
+  std::unique_ptr<Tree> tree_;
+};
 
 /// The faces of a mesh as triangles, those whose corners are finite.
 std::vector<Triangle> finite_triangles(std::span<const Vec3> vertices, const Polygons& faces);

@@ -78,7 +78,7 @@ std::string guess_of_flag(const std::string& name, const CLI::App& command) {
   const std::size_t most = std::min(kTypos, (name.size() - 1) / 2);  // as many as half of a word are no typo
   if (const std::string near = nearest(name, flags, most); !near.empty()) return near;
   const auto begins = [&](const std::string& flag) { return name.size() > 2 && flag.starts_with(name); };
-  const auto found = std::find_if(flags.begin(), flags.end(), begins);
+  const auto found = std::ranges::find_if(flags, begins);
   return found == flags.end() ? std::string() : *found;
 }
 
@@ -97,7 +97,7 @@ std::string unknown_flag(const std::string& flag, const CLI::App& command) {
 // Empty where there is none among the words that were left.
 std::string leftover_flag(const CLI::App& app) {
   const Names words = app.remaining(true);
-  const auto flag = std::find_if(words.begin(), words.end(), [](const auto& word) { return word.starts_with('-'); });
+  const auto flag = std::ranges::find_if(words, [](const auto& word) { return word.starts_with('-'); });
   return flag == words.end() ? std::string() : *flag;
 }
 

@@ -29,26 +29,13 @@ void write_stream(const fs::path& path, std::string_view text, const fs::path& n
 }  // namespace
 
 int exit_code(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::usage:
-      return kExitUsage;
-    case ErrorKind::file:
-      return kExitFile;
-    case ErrorKind::memory:
-      return kExitMemory;
-    case ErrorKind::device:
-      return kExitDevice;
-    case ErrorKind::interrupted:
-      return kExitInterrupted;
-    case ErrorKind::failed:
-      break;
-  }
-  return kExitFailed;
+  constexpr int kCodes[] = {kExitFailed, kExitUsage, kExitFile, kExitMemory, kExitDevice, kExitInterrupted};
+  return kCodes[static_cast<std::size_t>(kind)];
 }
 
 void print_error(std::string_view message) {
   std::string line = fmt::format("pointfair: {}", message);
-  std::replace(line.begin(), line.end(), '\n', ' ');
+  std::ranges::replace(line, '\n', ' ');
   if (system::errors_go_to_terminal()) line.insert(0, "\r\x1b[K");  // over a progress bar
   print_message("{}\n", line);
 }

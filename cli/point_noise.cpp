@@ -32,8 +32,7 @@ std::string scalar_names(const Cloud& cloud) {
 }  // namespace
 
 std::string take_noise_attribute(ParamArguments& params) {
-  const auto its = std::find_if(params.given.begin(), params.given.end(),
-                                [](const auto& given) { return given.first->name == "noise"; });
+  const auto its = std::ranges::find_if(params.given, [](const auto& given) { return given.first->name == "noise"; });
   if (its == params.given.end() || its->second.empty() || !is_name(its->second)) return {};
   const std::string name = its->second;
   params.given.erase(its);
@@ -50,7 +49,7 @@ void use_noise_attribute(const Cloud& cloud, const std::string& name, const std:
   const Attribute given = attribute(cloud, info->name);
   std::vector<float> values(cloud.points.size());
   for (std::size_t i = 0; i < values.size(); ++i) values[i] = static_cast<float>(value_at(given, i));
-  if (std::none_of(values.begin(), values.end(), [](float value) { return value > 0; }))
+  if (std::ranges::none_of(values, [](float value) { return value > 0; }))
     refuse(
         fmt::format("--noise {}: no value of this attribute in {} is positive, so none is a standard deviation; name "
                     "another, or give a length",
@@ -62,8 +61,7 @@ void check_new_attribute(const Cloud& cloud, const std::string& flag, const std:
                          const WriteOptions& options) {
   const auto is_part_of_name = [](unsigned char c) { return std::isalnum(c) || c == '_' || c == '-' || c == '.'; };
   const bool is_coordinate = name == "x" || name == "y" || name == "z" || name == "X" || name == "Y" || name == "Z";
-  if (name.empty() || name.size() > kLongestName || is_coordinate ||
-      !std::all_of(name.begin(), name.end(), is_part_of_name))
+  if (name.empty() || name.size() > kLongestName || is_coordinate || !std::ranges::all_of(name, is_part_of_name))
     refuse(fmt::format(
         "{}={}: a name has up to {} letters, digits, '_', '-' and '.', and is no coordinate; choose another", flag,
         name.substr(0, 60), kLongestName));

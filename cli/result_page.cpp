@@ -299,7 +299,7 @@ class PageMaker {
       if (job_.run->pulled.total() > 0)
         html += table_of("Why points were pulled in as outliers", reasons_of(job_.run->pulled));
     } else if (!job_.outliers.empty()) {
-      const auto marked = job_.outliers.size() - std::size_t(std::count(job_.outliers.begin(), job_.outliers.end(), 0));
+      const auto marked = job_.outliers.size() - std::size_t(std::ranges::count(job_.outliers, 0));
       html = table_of("Marked in the result", {{"outliers", share_of(marked, before_.points.size())}});
     }
     return outlier_picture_.empty() ? html : beside({outlier_picture_, html});

@@ -17,9 +17,9 @@
 #include "run_arguments.hpp"
 #include "run_each.hpp"
 #include "run_in_memory.hpp"
-#include "run_in_tiles.hpp"
 #include "run_report.hpp"
 #include "survey.hpp"
+#include "tiled.hpp"
 #include "verbs.hpp"
 
 namespace pointfair::cli {

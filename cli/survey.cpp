@@ -65,7 +65,7 @@ std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_fo
     fail(folder,
          fmt::format("there are no {} in this folder{}", takes_floats ? ".bin files" : "point clouds",
                      has_folders ? ", and the folders in it are not looked into; name these" : "; name another"));
-  std::sort(files.begin(), files.end());
+  std::ranges::sort(files);
   leave_notes_out(folder, files);
   return files;
 }

@@ -10,6 +10,8 @@
 
 namespace pointfair::cli {
 
+struct RunArguments;
+
 /// The flags that say how large a task may be and where its files are.
 struct TiledArguments {
   std::string memory, out_dir, work;
@@ -32,5 +34,16 @@ void run_in_tiles(const TiledJob& job, const std::filesystem::path& work, const 
 
 /// Says what a finished run did.
 void finish_tiles(const TiledRun& run, const Device& device, const TiledOutput& output);
+
+/// What is asked for, as a run in tiles takes it.
+TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, const Limits& limits,
+                        const std::string& noise_attribute, const Device& device);
+
+/// Whether the job runs in tiles, as TiledRun::choose says. Throws ErrorKind::usage if it must, but a flag needs
+/// memory.
+TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Device& device);
+
+void run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
+               std::stop_token stop);
 
 }  // namespace pointfair::cli

@@ -12,7 +12,6 @@
 #include "platform/large_pages.hpp"
 #include "platform/path_text.hpp"
 #include "platform/process.hpp"
-#include "platform/processor.hpp"
 
 namespace fs = std::filesystem;
 namespace platform = pointfair::platform;

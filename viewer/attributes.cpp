@@ -24,13 +24,13 @@ struct ColourSource {
 };
 
 const AttributeInfo* find_info(const std::vector<AttributeInfo>& infos, std::string_view name) {
-  const auto found = std::find_if(infos.begin(), infos.end(), [&](const auto& info) { return info.name == name; });
+  const auto found = std::ranges::find_if(infos, [&](const auto& info) { return info.name == name; });
   return found == infos.end() ? nullptr : &*found;
 }
 
 ColourSource colour_source(const std::vector<AttributeInfo>& infos) {
   for (const auto& names : kColourNames) {
-    const bool all = std::all_of(names.begin(), names.end(), [&](std::string_view n) { return find_info(infos, n); });
+    const bool all = std::ranges::all_of(names, [&](std::string_view n) { return find_info(infos, n); });
     if (all) return {{names.begin(), names.end()}};
   }
   for (const std::string_view name : kPackedNames) {
@@ -84,7 +84,7 @@ Json colour_choices(const Cloud& cloud) {
   const std::vector<std::string> channels = colour_source(infos).channels;
   if (!channels.empty()) choices.push_back({{"name", "rgb"}, {"kind", "rgb"}});
   const auto is_channel = [&](const AttributeInfo& info) {
-    return std::find(channels.begin(), channels.end(), info.name) != channels.end();
+    return std::ranges::find(channels, info.name) != channels.end();
   };
   for (const AttributeInfo& info : infos) {
     if (is_channel(info)) continue;

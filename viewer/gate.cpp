@@ -10,8 +10,7 @@ namespace pointfair::viewer {
 namespace {
 
 bool equal_names(std::string_view a, std::string_view b) {
-  return std::equal(a.begin(), a.end(), b.begin(), b.end(),
-                    [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
+  return std::ranges::equal(a, b, [](unsigned char x, unsigned char y) { return std::tolower(x) == std::tolower(y); });
 }
 
 // Takes as long for a wrong first character as for a wrong last one.
@@ -48,7 +47,7 @@ bool Gate::admits_host(std::string_view host_header) const {
   const std::string_view name = without_port(host_header);
   if (name.empty()) return false;
   if (hosts.empty()) return !token.empty();
-  return std::any_of(hosts.begin(), hosts.end(), [&](const std::string& host) { return equal_names(host, name); });
+  return std::ranges::any_of(hosts, [&](const std::string& host) { return equal_names(host, name); });
 }
 
 bool Gate::admits_origin(std::string_view origin, std::string_view host_header) const {

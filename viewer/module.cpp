@@ -25,16 +25,11 @@ extern "C" __attribute__((import_module("page"), import_name("send"))) void page
 void send(const Bytes& message) { page_send(message.data(), message.size()); }
 
 Session& session() {
-  static Session only(
-      [] {
-        Session::Options options;
-        options.make_pipeline = [] { return Pipeline(Device::cpu); };
-        options.most_points = kMostPoints;
-        options.saves_to_page = true;
-        options.own_thread = false;
-        return options;
-      }(),
-      send);
+  static Session only({.make_pipeline = [] { return Pipeline(Device::cpu); },
+                       .most_points = kMostPoints,
+                       .saves_to_page = true,
+                       .own_thread = false},
+                      send);
   return only;
 }
 

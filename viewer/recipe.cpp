@@ -84,21 +84,10 @@ void for_each_set(const Params& params, Use use) {
 }
 
 std::string length_literal(const Length& length) {
-  switch (length.unit) {
-    case Length::Unit::automatic:
-      return "{}";
-    case Length::Unit::percent:
-      return fmt::format("{{{}, pointfair::Length::Unit::percent}}", length.value);
-    case Length::Unit::spacing:
-      return fmt::format("{{{}, pointfair::Length::Unit::spacing}}", length.value);
-    case Length::Unit::radius:
-      return fmt::format("{{{}, pointfair::Length::Unit::radius}}", length.value);
-    case Length::Unit::metre:
-      return fmt::format("{{{}, pointfair::Length::Unit::metre}}", length.value);
-    case Length::Unit::file:
-      break;
-  }
-  return fmt::format("{}", length.value);
+  constexpr const char* kUnits[] = {"automatic", "file", "percent", "spacing", "radius", "metre"};
+  if (length.is_automatic()) return "{}";
+  if (length.unit == Length::Unit::file) return fmt::format("{}", length.value);
+  return fmt::format("{{{}, pointfair::Length::Unit::{}}}", length.value, kUnits[static_cast<int>(length.unit)]);
 }
 
 std::string assignment(const Params& params, const ParamInfo& info, const std::string& text) {
@@ -196,7 +185,7 @@ std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   text += "\n  pointfair::WriteOptions options;\n";
   if (!errand.encoding.empty()) {
     std::string word = errand.encoding;
-    std::replace(word.begin(), word.end(), '-', '_');
+    std::ranges::replace(word, '-', '_');
     fmt::format_to(out, "  options.encoding = pointfair::Encoding::{};\n", word);
   }
   fmt::format_to(out, "  pointfair::write({}, denoised, options);\n}}\n", literal(errand.output));

@@ -45,7 +45,7 @@ Request read_request(const Json& message, std::chrono::steady_clock::time_point 
 
 void check_file_name(const std::string& name) {
   const bool plain = !name.empty() && name.size() <= kMaxNameLength && name[0] != '.' && name[0] != '-' &&
-                     std::none_of(name.begin(), name.end(), [](char c) {
+                     std::ranges::none_of(name, [](char c) {
                        return c == '/' || c == '\\' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
                      });
   if (!plain)

@@ -70,12 +70,10 @@ class Server {
 
  private:
   Session::Options session_options() const {
-    Session::Options options;
-    options.make_pipeline = [device = options_.device] { return Pipeline(device); };
-    options.save_folder = options_.save_folder;
-    options.point_budget = options_.point_budget;
-    options.viewpoint = options_.viewpoint;
-    return options;
+    return {.make_pipeline = [device = options_.device] { return Pipeline(device); },
+            .save_folder = options_.save_folder,
+            .point_budget = options_.point_budget,
+            .viewpoint = options_.viewpoint};
   }
 
   std::shared_ptr<Connection> current_page() {

@@ -68,13 +68,9 @@ struct Measured {
 
 // Eq. 1 to 6 in one pass, squared area weight, no constraint; widths from the data, measured once and not timed.
 Params settings_for(const Points& points, int k) {
-  Params params;
-  params.k = k;
-  params.iterations = 1;
-  params.area_weight = pointfair::AreaWeight::squared;
   pointfair::Pipeline pipeline(Device::cpu);
   pipeline.load(points);
-  return pipeline.resolve(params);
+  return pipeline.resolve({.k = k, .area_weight = pointfair::AreaWeight::squared, .iterations = 1});
 }
 
 Measured measure(pointfair::Pipeline& pipeline, std::span<const Point> points, const Params& params, int repeat,

@@ -75,7 +75,7 @@ void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits, st
     pipeline_.load(points);
   } else {
     own_.resize(points.size());
-    std::transform(points.begin(), points.end(), own_.begin(), in_double);
+    std::ranges::transform(points, own_.begin(), in_double);
     before_ = make_cloud(own_);
     before_.source.reset();  // floats have no more digits
     pipeline_.load(before_.points);
@@ -200,7 +200,7 @@ void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<fl
   const std::vector<Point> after = moved(params, limits, watch);
   std::vector<Position> positions = own_;
   move_positions(before_, after, positions);
-  std::transform(positions.begin(), positions.end(), result.begin(), [](const Position& p) {
+  std::ranges::transform(positions, result.begin(), [](const Position& p) {
     return Point{float(p[0]), float(p[1]), float(p[2])};
   });
 }
@@ -215,7 +215,7 @@ void ArrayPipeline::run(const Params& params, const Limits& limits, std::span<do
     return;
   }
   const std::vector<Point> after = moved(params, limits, watch);
-  std::copy(own_.begin(), own_.end(), result.begin());
+  std::ranges::copy(own_, result.begin());
   move_positions(before_, after, result);
 }
 

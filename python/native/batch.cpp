@@ -17,7 +17,7 @@ void check_offsets(std::span<const std::int64_t> offsets, std::size_t points) {
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != static_cast<std::int64_t>(points))
     throw Error(ErrorKind::usage,
                 "offsets must begin with 0 and end with the number of points, " + std::to_string(points));
-  if (!std::is_sorted(offsets.begin(), offsets.end()))
+  if (!std::ranges::is_sorted(offsets))
     throw Error(ErrorKind::usage, "offsets must not decrease: cloud i has the points offsets[i] to offsets[i + 1]");
 }
 
@@ -100,7 +100,7 @@ class ManyArrays {
         for (const RowType& row : rows(cloud)) positions.push_back({double(row[0]), double(row[1]), double(row[2])});
         clouds_[cloud] = make_cloud(positions);
         const Cloud& its = clouds_[cloud];
-        std::copy(its.points.begin(), its.points.end(), points_.begin() + static_cast<std::ptrdiff_t>(offsets_[cloud]));
+        std::ranges::copy(its.points, points_.begin() + static_cast<std::ptrdiff_t>(offsets_[cloud]));
       };
     });
   }
@@ -144,7 +144,7 @@ void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::
     const std::size_t count = coordinates.size() / 3;
     const std::span<const Point> points(reinterpret_cast<const Point*>(coordinates.data()), count);
     const std::vector<Position> origins = choose_origins(points, ends);
-    if (std::all_of(origins.begin(), origins.end(), [](const Position& origin) { return origin == Position{}; })) {
+    if (std::ranges::all_of(origins, [](const Position& origin) { return origin == Position{}; })) {
       const std::span<Point> after(reinterpret_cast<Point*>(out.data()), count);
       pipeline.run_many(points, ends, params, after, watch.stop);
       return keep_zeros(points, after);

@@ -133,7 +133,7 @@ void set_attribute(Cloud& cloud, const std::string& name, const std::string& typ
                    const Mask& bytes) {
   Attribute attribute;
   attribute.name = name;
-  const auto found = std::find(std::begin(kTypes), std::end(kTypes), type);
+  const auto found = std::ranges::find(kTypes, type);
   attribute.type = static_cast<ScalarType>(found - std::begin(kTypes));
   attribute.components = components;
   const auto data = std::as_bytes(span_of(bytes));

@@ -19,8 +19,8 @@ void find_neighbors(const Input<float>& coordinates, const Table<std::int64_t>& 
   const std::size_t k = out.shape(1);
   run_interruptible(kAlwaysStoppable, nb::none(), [&](const Watch& watch) {
     const std::vector<std::uint32_t> found = nearest_neighbors(points, k, watch.stop);
-    std::transform(found.begin(), found.end(), out.data(),
-                   [](std::uint32_t j) { return j == kNoNeighbor ? std::int64_t(-1) : std::int64_t(j); });
+    std::ranges::transform(found, out.data(),
+                           [](std::uint32_t j) { return j == kNoNeighbor ? std::int64_t(-1) : std::int64_t(j); });
   });
 }
 

@@ -12,18 +12,8 @@ namespace pointfair::python {
 namespace {
 
 const char* class_name(ErrorKind kind) {
-  switch (kind) {
-    case ErrorKind::usage:
-      return "UsageError";
-    case ErrorKind::file:
-      return "FileError";
-    case ErrorKind::memory:
-      return "OutOfMemory";
-    case ErrorKind::device:
-      return "DeviceError";
-    default:
-      return "Error";
-  }
+  constexpr const char* kNames[] = {"Error", "UsageError", "FileError", "OutOfMemory", "DeviceError", "Error"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 void rename_flag(std::string& message, const std::string& flag, std::string_view name) {

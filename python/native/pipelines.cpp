@@ -25,16 +25,8 @@ const char* name_of(Device::Kind kind) {
 
 // What run gives back.
 const char* name_of(ArrayPipeline::Kind kind) {
-  switch (kind) {
-    case ArrayPipeline::Kind::nothing:
-      return "nothing";
-    case ArrayPipeline::Kind::cloud:
-      return "cloud";
-    case ArrayPipeline::Kind::on_card:
-      return "array on card";
-    default:
-      return "array";
-  }
+  constexpr const char* kNames[] = {"nothing", "array", "array", "cloud", "array on card"};
+  return kNames[static_cast<std::size_t>(kind)];
 }
 
 using OptionalBox = std::optional<std::array<double, 6>>;
@@ -234,7 +226,7 @@ void set_viewpoint_text(SharedPipeline& self, const std::string& text) {
 nb::ndarray<nb::numpy, bool, nb::ndim<1>> outliers(SharedPipeline& self) {
   const std::span<const std::uint8_t> found = self.arrays().pipeline().outliers();
   auto* const copy = new std::vector<std::uint8_t>(found.size());
-  std::transform(found.begin(), found.end(), copy->begin(), [](std::uint8_t reason) { return reason != 0; });
+  std::ranges::transform(found, copy->begin(), [](std::uint8_t reason) { return reason != 0; });
   nb::capsule owner(copy, [](void* pointer) noexcept { delete static_cast<std::vector<std::uint8_t>*>(pointer); });
   return {copy->data(), {copy->size()}, owner};
 }

@@ -16,7 +16,7 @@
 #include "cpu/parallel.h"
 #include "cpu/single_search.h"
 #include "platform/many_threads.hpp"
-#include "platform/processor.hpp"
+#include "platform/process.hpp"
 #include "point/outliers.h"
 #include "seam/cloud_sample.hpp"
 #include "seam/exactness.hpp"
@@ -115,7 +115,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     });
     for (const InvalidPoint& p : first_.index().invalid()) points[p.original] = p.position;
     follow<Point>(copies_, points);
-    std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    std::ranges::fill(outliers, std::uint8_t(0));
     if (limits.farthest > 0) return hold_back(points, limits, outliers);
     return may_miss_some ? hold_back(points, limits.or_endless(), outliers) : OutlierCounts{};
   }
@@ -175,7 +175,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
   }
 
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    std::ranges::fill(out, Point{kNan, kNan, kNan});
     arena_.execute([&] {
       locate(queries);
       const IndexView index = first_.index().view();
@@ -260,7 +260,7 @@ class CpuBackend final : public Backend, public Sampling, public Exactness {
     Chain& before = chain(iteration - 1);
     const std::span<const Index> originals = before.index().originals().first(before.faired().size());
     input_originals_.resize(originals.size());
-    std::copy(originals.begin(), originals.end(), input_originals_.data());
+    std::ranges::copy(originals, input_originals_.data());
     before.swap_faired(input_);
     input_.resize(originals.size());  // without the padding
     further_iteration_ = iteration;

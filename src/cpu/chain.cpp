@@ -133,8 +133,7 @@ void Chain::face_normals(const MeshFaces& faces, const std::stop_token& stop) {
   const std::vector<Index> at = sorted_positions(index, *neighbors_.mesh);
   const auto normal_of = [&](std::uint32_t face) {  // twice the area long
     const auto corners = faces.of(face);
-    if (std::any_of(corners.begin(), corners.end(), [&](std::uint32_t c) { return at[c] == point::kNoNeighbor; }))
-      return Vec{};
+    if (std::ranges::any_of(corners, [&](std::uint32_t c) { return at[c] == point::kNoNeighbor; })) return Vec{};
     return area_normal(corners, [&](std::uint32_t c) { return Vec{index.x[at[c]], index.y[at[c]], index.z[at[c]]}; });
   };
   const VectorsOut out = three_arrays(normals_);

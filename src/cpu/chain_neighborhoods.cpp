@@ -6,8 +6,9 @@
 #include <vector>
 
 #include "cpu/chain.h"
-#include "cpu/constrained.h"
+#include "cpu/kernels.h"
 #include "cpu/parallel.h"
+#include "cpu/single_search.h"
 #include "seam/noise_levels.hpp"
 
 namespace pointfair::cpu {
@@ -15,6 +16,73 @@ namespace {
 
 // Of leaves, where lists are as long as they can be under the constraint, which then takes up to 10 ms a leaf.
 constexpr std::size_t kConstrainedLeavesABlock = 2;
+
+// Constrained neighbourhoods of the points of a leaf: grow_constrained (src/point/neighbors.h) over as many of the
+// nearest points as it takes. Serves one thread; holds its working memory.
+class ConstrainedSearch {
+ public:
+  ConstrainedSearch(const Kernels& kernels, const NeighborSettings& settings, float squared_limit)
+      : kernels_(kernels),
+        settings_(settings),
+        squared_limit_(squared_limit),
+        first_pool_(std::max(16, 2 * settings.k)),
+        single_(kernels) {
+    if (!settings.constraint) return;
+    candidates_.resize(std::size_t(first_pool_) * kLeafSize);
+    more_candidates_.resize(kLargestPool);
+    members_.resize(std::size_t(settings.k));
+  }
+
+  // Fills the k slots of the leaf's 16 points: list[slot * 16 + lane].
+  // Returns the plain nearest points of each within the limit, at least 16, in the same layout, valid until the next
+  // call.
+  const Index* find(const IndexView& index, Index leaf, Index* list) {
+    kernels_.nearest(index, leaf, first_pool_, squared_limit_, candidates_.data());
+    const unsigned complete =
+        kernels_.grow(index, leaf, candidates_.data(), first_pool_, settings_.k, settings_.reach, list);
+    const Index first = leaf * kLeafSize;
+    for (Index lane = 0; lane < kLeafSize; ++lane) {
+      if ((complete >> lane & 1) != 0) continue;
+      int pool = first_pool_;
+      do {
+        pool = std::min(2 * pool, kLargestPool);
+        single_.find(index, first + lane, pool, squared_limit_, more_candidates_.data());
+      } while (!grow(index, first + lane, pool, list + lane) && pool < kLargestPool);
+    }
+    return candidates_.data();
+  }
+
+ private:
+  static constexpr int kLargestPool = 1024;
+
+  // Returns false if candidates beyond those given could still join.
+  bool grow(const IndexView& index, Index position, int count, Index* list) {
+    const auto end = std::find(more_candidates_.begin(), more_candidates_.begin() + count, point::kNoNeighbor);
+    const int given = int(end - more_candidates_.begin());
+    const point::Vec3<float> here = {index.x[position], index.y[position], index.z[position]};
+    int accepted = 0;
+    const auto offset = [&](int i) {
+      const Index at = more_candidates_[i];
+      return point::Vec3<float>{index.x[at], index.y[at], index.z[at]} - here;
+    };
+    const auto accept = [&](int i) {
+      members_[accepted] = offset(i);
+      list[accepted++ * kLeafSize] = more_candidates_[i];
+    };
+    return point::grow_constrained(given, settings_.k, settings_.reach, given < count, offset, accept,
+                                   [&](int i) { return members_[i]; })
+        .complete;
+  }
+
+  const Kernels& kernels_;
+  NeighborSettings settings_;
+  float squared_limit_;
+  int first_pool_;                      // candidates fetched for a whole leaf at once
+  std::vector<Index> candidates_;       // of the leaf's 16 points
+  std::vector<Index> more_candidates_;  // of one point whose first pool did not suffice
+  std::vector<point::Vec3<float>> members_;
+  SingleSearch single_;
+};
 
 // Distances of the leaves along the curve, each with the k-th nearest of the leaf before, and a quarter of that more,
 // as what is likely.

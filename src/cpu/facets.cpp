@@ -31,7 +31,7 @@ class Facets {
         facets_(source.faces.size()) {
     for_facets([&](std::size_t f) {
       const auto corners = source_.faces.of(f);
-      if (std::any_of(corners.begin(), corners.end(), [&](std::uint32_t c) { return at_[c] == point::kNoNeighbor; }))
+      if (std::ranges::any_of(corners, [&](std::uint32_t c) { return at_[c] == point::kNoNeighbor; }))
         return;  // it has lost a corner
       const auto its_place = [&](std::uint32_t c) { return place(at_[c]); };
       Vec sum{};
@@ -108,7 +108,7 @@ class Facets {
     const Index* const list = lists.list + i % kLeafSize;
     for (int slot = 0; slot < lists.k && list[slot * kLeafSize] != point::kNoNeighbor; ++slot)
       add(list[slot * kLeafSize]);
-    std::sort(around.begin(), around.end());
+    std::ranges::sort(around);
     around.erase(std::unique(around.begin(), around.end()), around.end());
   }
 

@@ -30,13 +30,12 @@ class SortedEdges {
       const std::uint32_t point = index.original[at];
       if (mesh.first[mesh.vertex[point]] == point) places[mesh.vertex[point]] = at;
     });
-    const bool all_are_there = std::find(places.begin(), places.end(), kLost) == places.end();
+    const bool all_are_there = std::ranges::find(places, kLost) == places.end();
     for_all(index, stop, [&](Index at) {
       vertex_[at] = places[mesh.vertex[index.original[at]]];
       const std::span<const std::uint32_t> around = neighbors_of(index, mesh, at);
       const auto is_there = [&](std::uint32_t there) { return places[there] != kLost; };
-      begin_[at + 1] =
-          std::uint64_t(all_are_there ? around.size() : std::count_if(around.begin(), around.end(), is_there));
+      begin_[at + 1] = std::uint64_t(all_are_there ? around.size() : std::ranges::count_if(around, is_there));
     });
     begin_[0] = 0;
     std::partial_sum(begin_.begin(), begin_.end(), begin_.begin());
@@ -72,7 +71,7 @@ class SortedEdges {
 
 // Points that are neighbours of none but lanes of one leaf, at most kMaxNeighbors of each.
 void keep_nearest(const IndexView& index, std::vector<Key>& keys) {
-  std::sort(keys.begin(), keys.end(), [&](Key a, Key b) {
+  std::ranges::sort(keys, [&](Key a, Key b) {
     return point::precedes(a, b, [&](Index there) { return position_of(index, there); });
   });
   keys.resize(std::min(keys.size(), std::size_t(kMaxNeighbors)));
@@ -118,7 +117,7 @@ class RingSearch {
   void begin(Index at) {
     here_ = position_of(index_, at);
     if (++round_ == 0) {  // the rounds begin again
-      std::fill(seen_.begin(), seen_.end(), 0u);
+      std::ranges::fill(seen_, 0u);
       round_ = 1;
     }
     if (edges_.vertex_of(at) != point::kNoNeighbor) seen_[edges_.vertex_of(at)] = round_;
@@ -173,7 +172,7 @@ class BallSearch {
     thin();
     if (reached_.size() > std::size_t(kMaxNeighbors)) keep_nearest_of_lanes();
     std::erase_if(reached_, [](const Reached& its) { return its.lanes == 0; });
-    std::sort(reached_.begin(), reached_.end(), [](const Reached& a, const Reached& b) { return a.at < b.at; });
+    std::ranges::sort(reached_, {}, &Reached::at);
     return reached_;
   }
 
@@ -186,7 +185,7 @@ class BallSearch {
 
   void begin(Index leaf, const point::Radii& radii, float growth) {
     if (++round_ == 0) {  // the rounds begin again
-      std::fill(marks_.begin(), marks_.end(), Mark{});
+      std::ranges::fill(marks_, Mark{});
       round_ = 1;
     }
     reached_.clear();

@@ -64,7 +64,7 @@ class Depths {
         deepest[i / kLeafSize] =
             std::max(deepest[i / kLeafSize], std::sqrt(point::squared_gap_to_outside(region_, vector_at(index_, i))));
     });
-    return deepest.empty() ? -kInfinity : *std::max_element(deepest.begin(), deepest.end());
+    return deepest.empty() ? -kInfinity : *std::ranges::max_element(deepest);
   }
   bool ends_deeper(std::size_t leaf, float depth) const { return ends_[leaf] > depth; }
 
@@ -135,7 +135,7 @@ void Chain::outcomes(const point::Region& loaded, const Kernels& kernels, std::s
     step = least_of(neighborhoods(), step);
   }
 
-  std::fill(out.begin(), out.end(), static_cast<unsigned char>(0));
+  std::ranges::fill(out, static_cast<unsigned char>(0));
   for_points(index, [&](std::size_t i) {
     const bool exact = neighborhood[i] * normal[i] * step[i] > 0;
     out[index.original[i]] = point::outcome_of(exact, is_short[i] != 0, counts[i], vector_at(normals(), i));

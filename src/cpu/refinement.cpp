@@ -107,9 +107,7 @@ class Net {
     }
     if (members.size() <= net::kNeighbors) return false;
     std::vector<Point> points(members.size());
-    std::transform(members.begin(), members.end(), points.begin(), [&](Index i) {
-      return Point{cloud.x[i], cloud.y[i], cloud.z[i]};
-    });
+    std::ranges::transform(members, points.begin(), [&](Index i) { return Point{cloud.x[i], cloud.y[i], cloud.z[i]}; });
     coarse_.index.build(points, members, frame_, space_, kernels_, stop_);
     const IndexView there = coarse_.index.view();
     coarse_.own.assign(std::size_t(cloud.leaves) * kLeafSize, kNowhere);
@@ -236,7 +234,7 @@ void refine(const Classical& classical, const NetWeights& weights, const Frame& 
             const NetKernels& net_kernels, std::span<Point> out, const std::stop_token& stop,
             const NetProgress& progress) {
   Net net(classical, weights, frame, kernels, net_kernels, stop, progress);
-  if (out.data() != classical.points.data()) std::copy(classical.points.begin(), classical.points.end(), out.begin());
+  if (out.data() != classical.points.data()) std::ranges::copy(classical.points, out.begin());
   net.run(out);
 }
 

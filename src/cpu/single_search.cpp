@@ -21,7 +21,7 @@ void SingleSearch::find(const IndexView& index, Index at, int k, float squared_l
     node /= kLeafSize;
   }
   keep_nearest();
-  std::sort(found_.begin(), found_.end());
+  std::ranges::sort(found_);
   order_ties();
   for (std::size_t slot = 0; slot < k_; ++slot)
     out[slot] = slot < found_.size() ? point::key_index(found_[slot]) : point::kNoNeighbor;
@@ -99,7 +99,7 @@ void SingleSearch::keep_nearest() {
   const auto kth = found_.begin() + std::ptrdiff_t(k_) - 1;
   std::nth_element(found_.begin(), kth, found_.end());
   const auto as_far = [distance = distance_bits(*kth)](Key key) { return distance_bits(key) == distance; };
-  if (std::count_if(found_.begin(), found_.end(), as_far) > 1)
+  if (std::ranges::count_if(found_, as_far) > 1)
     std::nth_element(found_.begin(), kth, found_.end(), [this](Key a, Key b) { return precedes(a, b); });
   found_.resize(k_);
   last_ = found_.back();

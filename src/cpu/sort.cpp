@@ -98,7 +98,7 @@ class KeySorter {
 
   static void sort_in_cache(Elements run, Elements scratch, int digit) {
     if (run.size() <= kSmall) {
-      std::sort(run.begin(), run.end());
+      std::ranges::sort(run);
       return;
     }
     Elements from = run, to = scratch;
@@ -110,7 +110,7 @@ class KeySorter {
       for (const std::uint64_t element : from) to[next[digit_of(element, d)]++] = element;
       std::swap(from, to);
     }
-    if (from.data() != run.data()) std::copy(from.begin(), from.end(), run.begin());
+    if (from.data() != run.data()) std::ranges::copy(from, run.begin());
   }
 
   const std::stop_token& stop_;
@@ -128,7 +128,7 @@ class CurveSorter {
     const float extent = std::max({box.max_x - box.min_x, box.max_y - box.min_y, box.max_z - box.min_z});
     const float scale = float(kBuckets) / extent;
     if (!(extent > 0) || !std::isfinite(scale)) {  // identical points, or as good as that
-      std::sort(run.begin(), run.end(), [](auto a, auto b) { return std::uint32_t(a) < std::uint32_t(b); });
+      std::ranges::sort(run, [](auto a, auto b) { return std::uint32_t(a) < std::uint32_t(b); });
       return;
     }
     for_blocks(run.size(), kSortBlock, stop_, [&](std::size_t first, std::size_t last, std::size_t) {
@@ -193,7 +193,7 @@ class CubeSorter {
     for_cells(run, 2, [&](std::size_t first, std::size_t last) {
       const Elements cell = scratch.subspan(next, last - first);
       next += cell.size();
-      std::sort(cell.begin(), cell.end());
+      std::ranges::sort(cell);
       for_cells(cell, 2, [&](std::size_t tied, std::size_t end) { order_by_position(cell.subspan(tied, end - tied)); });
       // the key stays that of the first digit, which tells cells apart
       for (std::size_t i = 0; i < cell.size(); ++i)
@@ -205,7 +205,7 @@ class CubeSorter {
     const auto before = [this](std::uint64_t a, std::uint64_t b) {
       return point::lies_before(position_of(a), position_of(b));
     };
-    if (!std::is_sorted(run.begin(), run.end(), before)) std::stable_sort(run.begin(), run.end(), before);
+    if (!std::ranges::is_sorted(run, before)) std::ranges::stable_sort(run, before);
   }
   point::Vec3<float> position_of(std::uint64_t element) const {
     const Point& p = points_[std::uint32_t(element)];

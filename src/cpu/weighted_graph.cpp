@@ -54,7 +54,7 @@ void for_triangles(const MeshFaces& faces, const std::vector<Index>& at, const V
   for (std::size_t f = 0; f < faces.size(); ++f) {
     its.clear();
     for (const std::uint32_t corner : faces.of(f)) its.push_back(at[corner]);
-    if (std::find(its.begin(), its.end(), point::kNoNeighbor) != its.end()) continue;
+    if (std::ranges::find(its, point::kNoNeighbor) != its.end()) continue;
     const std::size_t n = its.size(), cuts = n == 3 ? 1 : n;
     for (std::size_t first = 0; first < cuts; ++first)
       for (std::size_t i = 1; i + 1 < n; ++i)

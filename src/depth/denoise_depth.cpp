@@ -114,7 +114,7 @@ void average_row(const Image& image, std::size_t y, std::size_t stride, float no
 
 Image inverse(std::span<const float> depth, std::size_t width) {
   Image image{width, depth.size() / width, std::vector<float>(depth.size())};
-  std::transform(depth.begin(), depth.end(), image.values.begin(), [](float z) {
+  std::ranges::transform(depth, image.values.begin(), [](float z) {
     const float inverse = 1 / z;
     return std::isfinite(z) && std::isfinite(inverse) ? inverse : std::numeric_limits<float>::quiet_NaN();
   });

@@ -26,7 +26,7 @@ double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1
 
 // The values without those that lie within `apart` behind another one, in order.
 std::vector<double> distinct(std::vector<double> values, double apart) {
-  std::sort(values.begin(), values.end());
+  std::ranges::sort(values);
   std::vector<double> result;
   double last = 0;
   for (const double value : values) {
@@ -62,7 +62,7 @@ double grid_step(std::span<const Point> rows, int axis, double rounding) {
   for (std::size_t i = 0; i < values.size(); ++i) gaps.push_back(values[i] - (i > 0 ? values[i - 1] : 0));
   const double step = median(gaps);
   const auto alike =
-      std::count_if(gaps.begin(), gaps.end(), [step](double gap) { return std::abs(gap - step) < kSameStep * step; });
+      std::ranges::count_if(gaps, [step](double gap) { return std::abs(gap - step) < kSameStep * step; });
   return 2 * std::size_t(alike) > gaps.size() && rounding < kSameStep * step ? step : 0;
 }
 
@@ -223,7 +223,7 @@ std::vector<Point> known_rows(std::span<const Point> rows, std::size_t row_size)
   std::vector<Point> known;
   for (std::size_t first = 0; first < rows.size(); first += row_size) {
     const auto row = rows.subspan(first, row_size);
-    if (std::none_of(row.begin(), row.end(), [](const Point& p) { return std::isnan(p.x); }))
+    if (std::ranges::none_of(row, [](const Point& p) { return std::isnan(p.x); }))
       known.insert(known.end(), row.begin(), row.end());
   }
   return known;

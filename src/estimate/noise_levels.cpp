@@ -92,7 +92,7 @@ Shown medians_of(std::span<const std::uint32_t> pool, const std::vector<Shown>& 
   std::array<std::size_t, kValues> known{};
   for (std::size_t i = 0; i < kPool; ++i) {
     const Shown& its = shown[pool[i]];
-    std::copy(its.variances.begin(), its.variances.end(), sorted[i].begin());
+    std::ranges::copy(its.variances, sorted[i].begin());
     sorted[i][kSizes] = sorted[i][kSizes + 1] = its.spacing;
     for (std::size_t v = 0; v < kValues; ++v) {
       const bool is_known = sorted[i][v] == sorted[i][v];
@@ -197,7 +197,7 @@ double noise_of(const Curve& curve, double log_typical) {
   OfModels misfit = fit.misfit;  // but for what all models share
   for (std::size_t size = 0; size < kSizes; ++size)
     for (std::size_t n = 0; n < kModels; ++n) misfit[n] -= pull[size] * rows[size][n];
-  const double best = *std::min_element(misfit.begin(), misfit.end());
+  const double best = *std::ranges::min_element(misfit);
   // one thing a loop, so that compilers make vectors of each
   constexpr double kNextToNone = -690;  // its exponential is lost beside the best one's, which is 1
   OfModels likelihood;

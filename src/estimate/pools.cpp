@@ -25,7 +25,7 @@ void find_pool(const std::vector<Point>& places, const std::vector<std::uint32_t
     const point::Offset o = point::offset_between(places[along_x[n]], places[i]);
     const std::pair found{point::squared_length(o), i};
     if (found < nearest.back()) {
-      const auto at = std::upper_bound(nearest.begin(), nearest.end(), found);
+      const auto at = std::ranges::upper_bound(nearest, found);
       std::move_backward(at, nearest.end() - 1, nearest.end());
       *at = found;
     }
@@ -41,7 +41,7 @@ void find_pool(const std::vector<Point>& places, const std::vector<std::uint32_t
 std::vector<std::uint32_t> pools_of(const std::vector<Point>& places, const ForEach& for_each) {
   std::vector<std::uint32_t> along_x(places.size()), pools(places.size() * kPool);
   std::iota(along_x.begin(), along_x.end(), std::uint32_t(0));
-  std::sort(along_x.begin(), along_x.end(), [&](std::uint32_t a, std::uint32_t b) {
+  std::ranges::sort(along_x, [&](std::uint32_t a, std::uint32_t b) {
     return places[a].x != places[b].x ? places[a].x < places[b].x : a < b;
   });
   for_each((places.size() + kAtOnce - 1) / kAtOnce, [&](std::size_t block) {

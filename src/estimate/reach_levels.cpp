@@ -40,7 +40,7 @@ Risks mean_of(std::span<const std::uint32_t> pool, const std::vector<Risks>& ris
 // The logarithm of the number of points of least risk, on the parabola through the least one and its neighbours.
 double log_best_count(const Risks& risks) {
   const auto log_points = [](std::ptrdiff_t size) { return portable::log(double(point::plane_points(int(size)))); };
-  const std::ptrdiff_t least = std::min_element(risks.begin(), risks.end()) - risks.begin();
+  const std::ptrdiff_t least = std::ranges::min_element(risks) - risks.begin();
   const std::ptrdiff_t at = std::clamp<std::ptrdiff_t>(least, 1, point::kPlaneSizes - 2);
   const double before = risks[std::size_t(at - 1)], here = risks[std::size_t(at)], after = risks[std::size_t(at + 1)];
   const double bend = before - 2 * here + after;

@@ -42,7 +42,7 @@ std::vector<Local> in_rows(std::span<const Offset> offsets, Offset line) {
   const Offset right = (1 / size) * across, forward = point::cross(right, normal.unit);
   std::vector<Local> points;
   for (const Offset& o : offsets) points.push_back({dot(o, forward), dot(o, right), dot(o, normal.unit)});
-  std::sort(points.begin(), points.end(), [](const Local& a, const Local& b) { return a.across < b.across; });
+  std::ranges::sort(points, {}, &Local::across);
   return points;
 }
 

@@ -19,9 +19,8 @@ namespace {
 // The fewest nearest points that lie in a plane at most samples; 0 where none do.
 int points_of_planes(std::span<const point::ResidualSample> samples) {
   for (int size = 0; size < point::kPlaneSizes; ++size) {
-    const auto planes = std::count_if(samples.begin(), samples.end(), [size](const point::ResidualSample& sample) {
-      return sample.planes.variance[size] >= 0;
-    });
+    const auto planes = std::ranges::count_if(
+        samples, [size](const point::ResidualSample& sample) { return sample.planes.variance[size] >= 0; });
     if (2 * std::size_t(planes) > samples.size()) return point::plane_points(size);
   }
   return 0;

@@ -33,7 +33,7 @@ class CornerCounter final : public io::FaceVisitor {
       if (corner < is_corner_.size()) is_corner_[corner] = true;
   }
   std::vector<std::string> notes() const {
-    const auto corners = std::count(is_corner_.begin(), is_corner_.end(), true);
+    const auto corners = std::ranges::count(is_corner_, true);
     if (faces_ == 0 || 2 * corners < std::ptrdiff_t(is_corner_.size())) return {};
     return {"the " + std::to_string(faces_) +
             " faces of the file are not followed; --connectivity mesh follows their edges"};

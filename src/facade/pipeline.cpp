@@ -124,7 +124,7 @@ void Pipeline::run(const Params& params, std::span<Point> out, std::stop_token s
     const Params in_units = params_for(state_->shell, params);
     if (state_->runs_in_zones(in_units) && out.size() == state_->cloud.points()) {
       const Cloud result = state_->run_in_zones(in_units, stop, progress);
-      std::copy(result.points.begin(), result.points.end(), out.begin());
+      std::ranges::copy(result.points, out.begin());
       return;
     }
     state_->wide_run.reset();

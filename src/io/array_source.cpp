@@ -31,7 +31,7 @@ class View final : public Source {
   std::uint64_t block_begin(std::size_t block) const override { return std::min(block * kBlock, elements_.size()); }
   void positions(std::size_t block, std::span<Position> out) const override {
     const auto part = elements_.subspan(static_cast<std::size_t>(block_begin(block)), out.size());
-    std::transform(part.begin(), part.end(), out.begin(), [](const Element& element) { return in_double(element); });
+    std::ranges::transform(part, out.begin(), [](const Element& element) { return in_double(element); });
   }
   ScalarType coordinate_type() const override { return ScalarType::float64; }
   std::vector<io::Column> columns() const override { return {}; }
@@ -80,7 +80,7 @@ io::PlacedArray io::place_array(std::span<const Position> positions) {
 void positions(const Cloud& cloud, std::span<Position> out) {
   check_size(out.size(), cloud.points.size());
   if (!cloud.source) {
-    std::transform(cloud.points.begin(), cloud.points.end(), out.begin(), [&](const Point& p) {
+    std::ranges::transform(cloud.points, out.begin(), [&](const Point& p) {
       return Position{cloud.origin[0] + p.x, cloud.origin[1] + p.y, cloud.origin[2] + p.z};
     });
     return;
@@ -89,7 +89,7 @@ void positions(const Cloud& cloud, std::span<Position> out) {
   const io::Edits edits{cloud, {}, {}, {}};
   io::for_each_block(cloud.source->block_count(), [&](std::size_t block) {
     const Moves moves = cloud.source->moves(block, edits);
-    std::copy(moves.values.begin(), moves.values.end(), out.begin() + cloud.source->block_begin(block));
+    std::ranges::copy(moves.values, out.begin() + cloud.source->block_begin(block));
   });
 }
 

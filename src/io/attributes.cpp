@@ -19,7 +19,7 @@ bool takes_attributes(Format format) noexcept {
 
 template <class All>
 static auto find_named(All& all, std::string_view name) {
-  return std::find_if(all.begin(), all.end(), [&](const auto& candidate) { return candidate.name == name; });
+  return std::ranges::find_if(all, [&](const auto& candidate) { return candidate.name == name; });
 }
 
 bool is_stored_scaled(const Cloud& cloud, std::string_view name) {
@@ -109,7 +109,7 @@ std::vector<Attribute> attribute_values(const Cloud& cloud, std::span<const std:
   if (cloud.source) cloud.source->extract_several(places);
   for (std::size_t n = 0; n < names.size(); ++n) {
     if (columns_of[n] == kAdded) continue;
-    const auto first = std::find(columns_of.begin(), columns_of.end(), columns_of[n]);
+    const auto first = std::ranges::find(columns_of, columns_of[n]);
     const auto same = static_cast<std::size_t>(first - columns_of.begin());
     if (same == n) {
       show(columns[columns_of[n]].type, result[n].data);

@@ -56,7 +56,7 @@ Least least_of(Matrix a) {
   }
   std::array<std::size_t, kUnknowns> order{};
   for (std::size_t i = 0; i < kUnknowns; ++i) order[i] = i;
-  std::sort(order.begin(), order.end(), [&](std::size_t i, std::size_t j) { return a[i][i] < a[j][j]; });
+  std::ranges::sort(order, [&](std::size_t i, std::size_t j) { return a[i][i] < a[j][j]; });
   Least result{{}, a[order[0]][order[0]], a[order[1]][order[1]]};
   for (std::size_t k = 0; k < kUnknowns; ++k) result.vector[k] = vectors[k][order[0]];
   return result;

@@ -47,7 +47,7 @@ ColorRange color_range(std::span<const TableColumn* const> channels) {
       range.fine = range.fine || std::abs(range.factor * value - std::nearbyint(range.factor * value)) > kDigits;
     });
   }
-  range.missing = static_cast<std::uint64_t>(std::count(missing.begin(), missing.end(), true));
+  range.missing = static_cast<std::uint64_t>(std::ranges::count(missing, true));
   return range;
 }
 

@@ -21,7 +21,7 @@ namespace pointfair::io {
 namespace {
 
 bool is_in(const std::vector<std::string>& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
+  return std::ranges::find(names, name) != names.end();
 }
 
 // What a cloud's attributes are.
@@ -31,8 +31,7 @@ class Attributes {
     std::array<std::string, 3> channels;
     for (const AttributeInfo& info : attributes(cloud)) {
       const std::string plain = ply_name(info.name);
-      const auto channel =
-          static_cast<std::size_t>(std::find(kChannels.begin(), kChannels.end(), plain) - kChannels.begin());
+      const auto channel = static_cast<std::size_t>(std::ranges::find(kChannels, plain) - kChannels.begin());
       if (channel < 3 && info.components == 1 && channels[channel].empty()) {
         channels[channel] = info.name;
         has_bytes_ = has_bytes_ && info.type == ScalarType::uint8;
@@ -40,7 +39,7 @@ class Attributes {
       if ((info.name == "rgb" || info.name == "rgba") && info.components == 1 && size_of(info.type) == 4)
         colors_.push_back(info.name);
     }
-    const bool complete = std::none_of(channels.begin(), channels.end(), [](const auto& name) { return name.empty(); });
+    const bool complete = std::ranges::none_of(channels, [](const auto& name) { return name.empty(); });
     if (complete) colors_.assign(channels.begin(), channels.end());  // packed ones are one more attribute then
     has_channels_ = complete;
   }
@@ -129,7 +128,7 @@ std::vector<Content> contents_of(const Cloud& cloud) {
     result.push_back({ContentKind::face_values, "the texture coordinates of " + counted(faces.odd_textures, "face") +
                                                     ", which are not two for each corner"});
   for (Content& content : cloud.source->contents()) result.push_back(std::move(content));
-  std::stable_sort(result.begin(), result.end(), [](const Content& a, const Content& b) { return a.kind < b.kind; });
+  std::ranges::stable_sort(result, {}, &Content::kind);
   return result;
 }
 

@@ -72,7 +72,7 @@ AxisColumns find_axes(const std::vector<std::string>& names) {
 
 std::optional<AxisColumns> find_coordinates(const std::vector<std::string>& names) {
   const AxisColumns columns = find_axes(names);
-  const bool all = std::all_of(columns.begin(), columns.end(), [&](std::size_t c) { return c < names.size(); });
+  const bool all = std::ranges::all_of(columns, [&](std::size_t c) { return c < names.size(); });
   return all ? std::optional(columns) : std::nullopt;
 }
 

@@ -62,7 +62,7 @@ std::optional<Format> format_of_content(std::string_view bytes) {
   if (is_off_keyword(word)) return Format::off;
   if (word == "VERSION" || word == "FIELDS" || word == "COLUMNS") return Format::pcd;
   static constexpr std::array<std::string_view, 9> kObjKeywords = {"v", "vn", "vt", "f", "o", "g", "s", "l", "mtllib"};
-  const bool obj = std::find(kObjKeywords.begin(), kObjKeywords.end(), word) != kObjKeywords.end();
+  const bool obj = std::ranges::find(kObjKeywords, word) != kObjKeywords.end();
   // A line of column names may begin with such a letter, too.
   if (obj && (word != "v" || (next_word(line, word) && to_number(word)))) return Format::obj;
   return std::nullopt;

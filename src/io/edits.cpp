@@ -19,9 +19,9 @@ Edits make_edits(const Cloud& cloud, std::optional<double> las_scale) {
   if (cloud.source && !cloud.added.empty()) columns = cloud.source->columns();
   for (const Attribute& attribute : cloud.added) {
     const auto named = [&](const auto& other) { return other.name == attribute.name; };
-    if (std::count_if(cloud.added.begin(), cloud.added.end(), named) > 1)
+    if (std::ranges::count_if(cloud.added, named) > 1)
       throw Error(ErrorKind::usage, "the cloud has two attributes '" + attribute.name + "'; rename one");
-    const auto own = std::find_if(columns.begin(), columns.end(), named);
+    const auto own = std::ranges::find_if(columns, named);
     if (own == columns.end()) {
       edits.added.push_back(&attribute);
       continue;

@@ -44,9 +44,7 @@ constexpr FormatRow kRows[] = {
 
 std::span<const FormatRow> format_rows() { return kRows; }
 
-const FormatRow& row_of(Format format) {
-  return *std::find_if(std::begin(kRows), std::end(kRows), [&](const FormatRow& row) { return row.format == format; });
-}
+const FormatRow& row_of(Format format) { return *std::ranges::find(kRows, format, &FormatRow::format); }
 
 }  // namespace io
 
@@ -54,7 +52,7 @@ std::optional<Format> format_of(const std::filesystem::path& path) {
   const std::string extension = io::lower_case(platform::text_of(path.extension()));
   if (extension.empty()) return std::nullopt;
   for (const io::FormatRow& row : io::kRows)
-    if (std::find(row.extensions.begin(), row.extensions.end(), extension) != row.extensions.end()) return row.format;
+    if (std::ranges::find(row.extensions, extension) != row.extensions.end()) return row.format;
   return std::nullopt;
 }
 

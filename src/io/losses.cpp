@@ -171,7 +171,7 @@ std::vector<Content> lost_of_copy(const Cloud& cloud, Format format) {
   const std::vector<std::string> normals = normal_attributes(cloud);
   for (const Attribute& attribute : cloud.added) {
     const auto named = [&](const io::Column& column) { return column.name == attribute.name; };
-    if (std::any_of(own.begin(), own.end(), named)) continue;
+    if (std::ranges::any_of(own, named)) continue;
     const bool is_normal = std::ranges::find(normals, attribute.name) != normals.end();
     if (is_normal && !takes_attributes(format) && io::keeps(format, ContentKind::normals) == Keeps::kept)
       lost = {{ContentKind::normals, attribute.name}};
@@ -234,7 +234,7 @@ void check_new_normals(const Cloud& cloud, std::optional<Format> format) {
   const std::vector<std::string> normals = normal_attributes(cloud);
   const std::vector<io::Column> columns = cloud.source->columns();
   for (std::size_t c = 0; c < columns.size(); ++c) {
-    if (std::find(normals.begin(), normals.end(), columns[c].name) == normals.end()) continue;
+    if (std::ranges::find(normals, columns[c].name) == normals.end()) continue;
     if (const std::string why = cloud.source->why_fixed(c); !why.empty()) throw Error(ErrorKind::usage, why);
   }
 }

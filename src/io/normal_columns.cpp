@@ -18,7 +18,7 @@ constexpr std::array<const char*, 3> kAxes = {"nx", "ny", "nz"};
 // Whether the attribute can hold them.
 bool is_float(const AttributeInfo& info, const std::vector<io::Column>& columns) {
   if (info.type == ScalarType::float32 || info.type == ScalarType::float64) return true;
-  return std::any_of(columns.begin(), columns.end(), [&](const auto& c) { return c.name == info.name && c.guessed; });
+  return std::ranges::any_of(columns, [&](const auto& c) { return c.name == info.name && c.guessed; });
 }
 
 // Which component of a normal the attribute is, under one of the names that formats and programs use.
@@ -26,7 +26,7 @@ std::optional<std::size_t> axis_of(const std::string& name) {
   std::string plain = io::ply_name(name);
   const std::string lower = io::lower_case(name);
   if (lower.starts_with("normal") && lower.size() <= 8) plain = std::string("n") + lower.back();  // NormalX, normal_x
-  const auto axis = std::find(kAxes.begin(), kAxes.end(), plain);
+  const auto axis = std::ranges::find(kAxes, plain);
   if (axis == kAxes.end()) return std::nullopt;
   return static_cast<std::size_t>(axis - kAxes.begin());
 }
@@ -122,7 +122,7 @@ std::vector<std::string> normal_attributes(const Cloud& cloud) {
     const auto axis = info.components == 1 ? axis_of(info.name) : std::nullopt;
     if (axis && names[*axis].empty()) names[*axis] = info.name;
   }
-  if (std::any_of(names.begin(), names.end(), [](const std::string& name) { return name.empty(); })) return {};
+  if (std::ranges::any_of(names, &std::string::empty)) return {};
   return {names.begin(), names.end()};
 }
 

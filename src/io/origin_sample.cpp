@@ -107,7 +107,7 @@ Position choose_origin(std::vector<Position> sample) {
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) {
     std::vector<double> values(sample.size());
-    std::transform(sample.begin(), sample.end(), values.begin(), [axis](const Position& p) { return p[axis]; });
+    std::ranges::transform(sample, values.begin(), [axis](const Position& p) { return p[axis]; });
     ranges[axis] = bulk_range(std::move(values));
     if (ranges[axis]) extent = std::max(extent, ranges[axis]->high - ranges[axis]->low);
   }

@@ -135,8 +135,7 @@ class PcdSource : public SensorSource<Base> {
     std::vector<TableColumn> columns;
     auto next = table.columns.begin();
     for (std::size_t f = 0; f < header_.fields.size(); ++f) {
-      const auto axis =
-          static_cast<std::size_t>(std::find(header_.xyz.begin(), header_.xyz.end(), f) - header_.xyz.begin());
+      const auto axis = static_cast<std::size_t>(std::ranges::find(header_.xyz, f) - header_.xyz.begin());
       if (axis < 3) {
         columns.push_back(coordinate_column(table.positions, axis, header_.fields[f].type));
       } else if (!is_padding(header_.fields[f])) {
@@ -206,7 +205,7 @@ std::shared_ptr<Source> read_ascii(FileBytes bytes, PcdHeader header, const std:
   if (header.record_size() / 8 > bytes.view().size()) fail(name, "COUNT names more values than the file has");
   for (std::size_t f = 0; f < header.fields.size(); ++f) {
     const Column& field = header.fields[f];
-    const auto axis = static_cast<std::size_t>(std::find(header.xyz.begin(), header.xyz.end(), f) - header.xyz.begin());
+    const auto axis = static_cast<std::size_t>(std::ranges::find(header.xyz, f) - header.xyz.begin());
     if (axis < 3) {
       layout.integers = layout.integers || is_integer(field.type);
       layout.doubles = layout.doubles || field.type == NativeType::float64;
@@ -314,14 +313,10 @@ std::vector<std::string> renamed_in_new_pcd(const Cloud& cloud) {
 
 std::shared_ptr<Source> read_pcd(FileBytes bytes, const std::string& name, const Reading&) {
   PcdHeader header = parse_pcd_header(bytes.view(), name);
-  switch (header.encoding) {
-    case Encoding::ascii:
-      return read_ascii(std::move(bytes), std::move(header), name);
-    case Encoding::binary:
-      return read_plain(std::move(bytes), std::move(header), name);
-    default:
-      return read_packed(std::move(bytes), std::move(header), name);
-  }
+  const auto read = header.encoding == Encoding::ascii    ? read_ascii
+                    : header.encoding == Encoding::binary ? read_plain
+                                                          : read_packed;
+  return read(std::move(bytes), std::move(header), name);
 }
 
 void write_pcd(Table table, const Writing& writing, Output& out) {

@@ -141,8 +141,8 @@ class HeaderParser {
   void find_xyz() {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string wanted(1, static_cast<char>('x' + axis));
-      auto found = std::find(names_.begin(), names_.end(), wanted);
-      if (found == names_.end()) found = std::find(names_.begin(), names_.end(), upper_case(wanted));
+      auto found = std::ranges::find(names_, wanted);
+      if (found == names_.end()) found = std::ranges::find(names_, upper_case(wanted));
       if (found == names_.end())
         fail(name_, "there is no field '" + wanted + "', there are " + listed({names_.begin(), names_.end()}) +
                         "; name the coordinates x, y, z");
@@ -223,7 +223,7 @@ std::string pcd_header_text(const PcdHeader& header, const AddedAttributes& adde
   } else {  // behind whatever was added to TYPE
     insertions.emplace_back(header.types_end, "\nCOUNT" + FieldLines(header.fields).counts + lines.counts);
   }
-  std::stable_sort(insertions.begin(), insertions.end(), [](auto& a, auto& b) { return a.first < b.first; });
+  std::ranges::stable_sort(insertions, [](auto& a, auto& b) { return a.first < b.first; });
   std::string result;
   PatchedText patched(header.text, result);
   for (const auto& [at, text] : insertions) {

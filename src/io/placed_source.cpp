@@ -20,9 +20,8 @@ bool same_value(double a, double b) {
 }
 
 bool fit_floats(std::span<const Position> positions) {
-  return std::all_of(positions.begin(), positions.end(), [](const Position& position) {
-    return std::all_of(position.begin(), position.end(),
-                       [](double value) { return same_value(static_cast<float>(value), value); });
+  return std::ranges::all_of(positions, [](const Position& position) {
+    return std::ranges::all_of(position, [](double value) { return same_value(static_cast<float>(value), value); });
   });
 }
 
@@ -74,7 +73,7 @@ std::uint64_t PlacedSource::block_begin(std::size_t block) const {
 
 void PlacedSource::positions(std::size_t block, std::span<Position> out) const {
   const auto part = std::span(positions_).subspan(static_cast<std::size_t>(block_begin(block)), out.size());
-  std::copy(part.begin(), part.end(), out.begin());
+  std::ranges::copy(part, out.begin());
 }
 
 std::vector<Column> PlacedSource::columns() const { return file_ ? file_->columns() : std::vector<Column>{}; }

@@ -237,7 +237,7 @@ TextLayout text_layout(const PlyFile& file, const RowShape& shape, TextRows rows
   const auto xyz = find_xyz(file.vertex(), name);
   const auto& properties = file.vertex().properties;
   for (std::size_t p = 0; p < properties.size(); ++p) {
-    const auto axis = static_cast<std::size_t>(std::find(xyz.begin(), xyz.end(), p) - xyz.begin());
+    const auto axis = static_cast<std::size_t>(std::ranges::find(xyz, p) - xyz.begin());
     if (axis < 3) {
       layout.columns.push_back(static_cast<ColumnKind>(axis));
       layout.integers = layout.integers || is_integer(properties[p].type);
@@ -255,8 +255,7 @@ TextLayout text_layout(const PlyFile& file, const RowShape& shape, TextRows rows
 // Whether the text has just the values that the header promises, whatever lines they stand on. Finds the elements.
 bool find_wrapped(std::string_view bytes, PlyFile& file, const std::string& name) {
   const auto& properties = file.vertex().properties;
-  if (std::any_of(properties.begin(), properties.end(), [](const PlyProperty& p) { return p.list_count.has_value(); }))
-    return false;
+  if (std::ranges::any_of(properties, [](const PlyProperty& p) { return p.list_count.has_value(); })) return false;
   PlyCursor cursor(bytes, file.header.text.size(), file.header, true, name);
   std::vector<std::size_t> begins;
   try {

@@ -10,8 +10,7 @@ namespace pointfair::io {
 
 std::optional<FaceList> find_faces(const PlyFile& file) {
   const auto& elements = file.header.elements;
-  const auto face =
-      std::find_if(elements.begin(), elements.end(), [](const PlyElement& e) { return e.name == "face"; });
+  const auto face = std::ranges::find(elements, "face", &PlyElement::name);
   if (face == elements.end()) return std::nullopt;
   const std::size_t list = std::min(find_property(*face, "vertex_indices"), find_property(*face, "vertex_index"));
   if (list == face->properties.size() || !face->properties[list].list_count) return std::nullopt;

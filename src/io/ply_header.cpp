@@ -116,7 +116,7 @@ class HeaderParser {
   PlyHeader finish(bool format_seen) {
     if (!format_seen) fail(name_, "the header has no 'format' line");
     const auto is_vertex = [](const PlyElement& e) { return e.name == "vertex"; };
-    const auto vertex = std::find_if(header_.elements.begin(), header_.elements.end(), is_vertex);
+    const auto vertex = std::ranges::find_if(header_.elements, is_vertex);
     if (vertex == header_.elements.end()) fail(name_, "the header has no element 'vertex', so no points");
     if (std::any_of(vertex + 1, header_.elements.end(), is_vertex))
       fail(name_, "the header has two elements 'vertex'; split the file");

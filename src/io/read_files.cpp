@@ -65,11 +65,8 @@ Cloud read_bytes(io::FileBytes bytes, const std::string& name, const ReadOptions
   const Format format = choose_format(bytes.view(), name, options);
   return io::with_threads(options.threads, [&] {
     const std::shared_ptr<Source> source = parse(std::move(bytes), name, format, options);
-    Cloud cloud;
-    cloud.points = source->place();
-    cloud.origin = source->origin();
-    cloud.source = source;
-    return cloud;
+    std::vector<Point> points = source->place();
+    return Cloud{.origin = source->origin(), .points = std::move(points), .source = source};
   });
 }
 

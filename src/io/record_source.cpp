@@ -45,7 +45,7 @@ RecordSource::RecordSource(FileBytes bytes, std::string name, Format format, Enc
                            std::string_view points)
     : Source(std::move(bytes), std::move(name), format, encoding), layout_(std::move(layout)), points_(points) {
   for (std::size_t f = 0; f < layout_.fields.size(); ++f) {
-    const bool coordinate = std::find(layout_.xyz.begin(), layout_.xyz.end(), f) != layout_.xyz.end();
+    const bool coordinate = std::ranges::find(layout_.xyz, f) != layout_.xyz.end();
     if (!coordinate && !layout_.fields[f].padding && !layout_.fields[f].list_count) shown_.push_back(f);
   }
   std::vector<std::string> names = {"x", "y", "z"};
@@ -115,7 +115,7 @@ ScalarType RecordSource::coordinate_type() const {
     const NativeType type = layout_.fields[f].type;
     return type != NativeType::float32 && size_of(type) >= 4;
   };
-  return std::any_of(layout_.xyz.begin(), layout_.xyz.end(), needs_double) ? ScalarType::float64 : ScalarType::float32;
+  return std::ranges::any_of(layout_.xyz, needs_double) ? ScalarType::float64 : ScalarType::float32;
 }
 
 std::vector<Column> RecordSource::columns() const {
@@ -160,8 +160,8 @@ void RecordSource::patch(std::size_t block, const Moves& moves, const std::vecto
 }
 
 const Replacement* RecordSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t field) const {
-  const auto found = std::find_if(replaced.begin(), replaced.end(),
-                                  [&](const Replacement& replacement) { return shown_[replacement.column] == field; });
+  const auto found = std::ranges::find_if(
+      replaced, [&](const Replacement& replacement) { return shown_[replacement.column] == field; });
   return found == replaced.end() ? nullptr : &*found;
 }
 

@@ -52,7 +52,7 @@ void rename_columns(std::vector<TableColumn>& columns) {
   std::ranges::transform(columns, std::back_inserter(names), &TableColumn::name);
   for (std::string& name : names) {
     const std::string plain = ply_name(name);
-    if (std::find(names.begin(), names.end(), plain) == names.end()) name = plain;
+    if (std::ranges::find(names, plain) == names.end()) name = plain;
   }
   std::vector<std::string> all = {"x", "y", "z"};
   all.insert(all.end(), names.begin(), names.end());

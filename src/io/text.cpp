@@ -165,7 +165,7 @@ namespace {
 std::optional<double> not_finite(std::string_view word) {
   constexpr double kNan = std::numeric_limits<double>::quiet_NaN(), kInfinite = std::numeric_limits<double>::infinity();
   constexpr std::string_view kMissing[] = {"NA", "N/A", "n/a", "#N/A", "null", "NULL", "None"};
-  if (std::find(std::begin(kMissing), std::end(kMissing), word) != std::end(kMissing)) return kNan;
+  if (std::ranges::find(kMissing, word) != std::end(kMissing)) return kNan;
   const bool negative = word.starts_with('-');
   if (negative || word.starts_with('+')) word.remove_prefix(1);
   if (!word.starts_with("1.#")) return std::nullopt;
@@ -250,8 +250,8 @@ int decimals_of(std::string_view word) {
   const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
   const std::string_view whole = word.substr(0, point == std::string_view::npos ? word.size() : point);
   const auto whole_digits = whole.substr(whole.empty() || is_digit(whole[0]) ? 0 : 1);
-  if (!std::all_of(fraction.begin(), fraction.end(), is_digit)) return -1;
-  if (!std::all_of(whole_digits.begin(), whole_digits.end(), is_digit)) return -1;
+  if (!std::ranges::all_of(fraction, is_digit)) return -1;
+  if (!std::ranges::all_of(whole_digits, is_digit)) return -1;
   return static_cast<int>(std::min<std::size_t>(fraction.size(), 40));
 }
 

@@ -32,7 +32,7 @@ bool is_same(std::optional<double> own, double value, ScalarType type) {
 }
 
 std::string with_comma(std::string number) {
-  std::replace(number.begin(), number.end(), '.', ',');
+  std::ranges::replace(number, '.', ',');
   return number;
 }
 
@@ -48,8 +48,8 @@ void append_added_words(const AddedAttributes& added, std::uint64_t point, char 
 }  // namespace
 
 const Replacement* TextSource::find_replacement(const std::vector<Replacement>& replaced, std::size_t column) const {
-  const auto found = std::find_if(replaced.begin(), replaced.end(),
-                                  [&](const Replacement& other) { return attributes_[other.column].first == column; });
+  const auto found = std::ranges::find_if(
+      replaced, [&](const Replacement& other) { return attributes_[other.column].first == column; });
   return found == replaced.end() ? nullptr : &*found;
 }
 
@@ -74,7 +74,7 @@ void TextSource::append_coordinate(std::string& to, std::string_view word, doubl
   const bool has_point = layout_.decimal != ',' || word.find('.') != std::string_view::npos;
   if (has_point) return append_moved(to, word, value, offset);
   std::string plain(word), text;
-  std::replace(plain.begin(), plain.end(), ',', '.');
+  std::ranges::replace(plain, ',', '.');
   append_moved(text, plain, value, offset);
   to += with_comma(std::move(text));
 }
@@ -106,8 +106,7 @@ void TextSource::edit_row(std::string_view line, std::size_t place, const BlockE
     }
   }
   // as they stand in the line
-  std::sort(edited.begin(), edited.end(),
-            [](const WordEdit& a, const WordEdit& b) { return a.word.data() < b.word.data(); });
+  std::ranges::sort(edited, [](const WordEdit& a, const WordEdit& b) { return a.word.data() < b.word.data(); });
 }
 
 void TextSource::append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const {

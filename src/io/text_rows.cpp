@@ -125,8 +125,7 @@ TextRows find_rows(std::string_view text, const RowShape& shape) {
 
 std::size_t begin_of_row(std::string_view text, const TextRows& rows, const RowShape& shape, std::uint64_t row) {
   if (row >= rows.count()) return text.size();
-  const auto behind = std::upper_bound(rows.chunks.begin(), rows.chunks.end(), row,
-                                       [](std::uint64_t r, const TextRows::Chunk& c) { return r < c.first_row; });
+  const auto behind = std::ranges::upper_bound(rows.chunks, row, {}, &TextRows::Chunk::first_row);
   const TextRows::Chunk& chunk = *(behind - 1);
   std::string_view rest = text.substr(chunk.begin), line;
   std::uint64_t at = chunk.first_row;

@@ -18,7 +18,7 @@ void column_words(std::string_view line, const TextLayout& layout, const TextCol
 
 void words_from(std::string_view line, const TextLayout& layout, std::size_t first,
                 std::vector<std::string_view>& words) {
-  std::fill(words.begin(), words.end(), std::string_view());
+  std::ranges::fill(words, std::string_view());
   RowWords row(line, layout);
   ColumnKind kind{};
   std::string_view word;
@@ -37,16 +37,15 @@ TextSource::TextSource(FileBytes bytes, std::string name, Format format, TextLay
   make_distinct(names);
   for (std::size_t a = 0; a < attributes_.size(); ++a) attributes_[a].name = names[3 + a];
   check_size();
-  const auto x = static_cast<std::size_t>(std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::x) -
-                                          layout_.columns.begin());
+  const auto x = static_cast<std::size_t>(std::ranges::find(layout_.columns, ColumnKind::x) - layout_.columns.begin());
   const auto has = [&](std::size_t column, ColumnKind kind) {
     return column < layout_.columns.size() && layout_.columns[column] == kind;
   };
   const bool in_row = has(x + 1, ColumnKind::y) && has(x + 2, ColumnKind::z);
-  plain_ = std::find(layout_.columns.begin(), layout_.columns.end(), ColumnKind::list) == layout_.columns.end();
+  plain_ = std::ranges::find(layout_.columns, ColumnKind::list) == layout_.columns.end();
   if (plain_ && in_row) plain_lead_ = x;
   const auto may_be_left_out = [&](const TextColumn& column) { return column.optional && column.first >= x + 3; };
-  if (!attributes_.empty() && std::all_of(attributes_.begin(), attributes_.end(), may_be_left_out))
+  if (!attributes_.empty() && std::ranges::all_of(attributes_, may_be_left_out))
     ends_with_z_ = std::vector<std::atomic<bool>>(block_count());
   release_all();  // which was read for its rows
 }
@@ -116,7 +115,7 @@ std::optional<double> TextSource::number_with_comma(std::string_view word) const
   if (word.empty()) return std::numeric_limits<double>::quiet_NaN();
   if (word.find(',') == std::string_view::npos) return to_number(word);
   std::string plain(word);
-  std::replace(plain.begin(), plain.end(), ',', '.');
+  std::ranges::replace(plain, ',', '.');
   return is_comma_number(word) ? to_number(plain) : std::nullopt;
 }
 

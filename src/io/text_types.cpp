@@ -32,7 +32,7 @@ struct Narrowest {
     if (see_short_number(word)) return;
     if (decimal != '.' && word.find(decimal) != std::string_view::npos) {
       std::string plain(word);
-      std::replace(plain.begin(), plain.end(), decimal, '.');
+      std::ranges::replace(plain, decimal, '.');
       return see(plain);
     }
     const std::optional<double> value = to_number(word);
@@ -121,7 +121,7 @@ ScalarType TextSource::coordinate_type() const {
     });
     release(block_text(block));
   });
-  const bool all = std::all_of(seen.begin(), seen.end(), [](const Narrowest& n) { return n.fits_float; });
+  const bool all = std::ranges::all_of(seen, &Narrowest::fits_float);
   return all ? ScalarType::float32 : ScalarType::float64;
 }
 
@@ -151,7 +151,7 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
     owner[attributes[a].first] = a;
   }
   const auto first = static_cast<std::size_t>(
-      std::find_if(owner.begin(), owner.end(), [&](std::size_t a) { return a < seen.size(); }) - owner.begin());
+      std::ranges::find_if(owner, [&](std::size_t a) { return a < seen.size(); }) - owner.begin());
   std::vector<std::string_view> words(owner.size() - first);
   for_each_line(block, [&](std::string_view line, std::ptrdiff_t point) {
     if (point < 0) return;
@@ -165,7 +165,7 @@ std::vector<Narrowest> TextSource::see_columns(std::size_t block) const {
 // Looks through the columns of unknown type; those with a word that is no number are no attributes.
 void TextSource::find_types() const {
   const auto is_known = [](const TextColumn& column) { return column.typed && !column.optional; };
-  if (std::all_of(attributes_.begin(), attributes_.end(), is_known)) return;
+  if (std::ranges::all_of(attributes_, is_known)) return;
   std::vector<std::vector<Narrowest>> seen(block_count());
   for_each_block(seen.size(), [&](std::size_t block) { seen[block] = see_columns(block); });
   std::vector<TextColumn> kept;

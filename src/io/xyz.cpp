@@ -116,8 +116,8 @@ void order_as_pts(Table& table) {
     if (column.name == "blue") return 3;
     return lower_case(column.name) == "intensity" || one_beside_colors ? 0 : 4;
   };
-  std::stable_sort(table.columns.begin(), table.columns.end(),
-                   [&](const TableColumn& a, const TableColumn& b) { return place(a) < place(b); });
+  std::ranges::stable_sort(table.columns,
+                           [&](const TableColumn& a, const TableColumn& b) { return place(a) < place(b); });
 }
 
 }  // namespace

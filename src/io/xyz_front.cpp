@@ -18,9 +18,7 @@ using Words = std::vector<std::string_view>;
 constexpr std::size_t kFrontLines = 1000;  // more of them without a number are no front
 constexpr const char* kAdvice = "; say what the columns are, as in --columns x,y,z,i";
 
-std::size_t tabs_in(std::string_view line) {
-  return static_cast<std::size_t>(std::count(line.begin(), line.end(), '\t'));
-}
+std::size_t tabs_in(std::string_view line) { return static_cast<std::size_t>(std::ranges::count(line, '\t')); }
 
 std::string_view trimmed(std::string_view line) {
   while (!line.empty() && is_blank(line.back())) line.remove_suffix(1);
@@ -109,7 +107,7 @@ class FrontReader {
 
   [[noreturn]] void fail_nameless(const std::vector<std::string>& names) const {
     const AxisColumns axes = find_axes(names);
-    const auto axis = std::find(axes.begin(), axes.end(), names.size()) - axes.begin();
+    const auto axis = std::ranges::find(axes, names.size()) - axes.begin();
     if (axis == 3) fail(name_, "no line has numbers in the columns of the coordinates; choose another file");
     fail(name_, "no column is called '" + std::string(1, static_cast<char>('x' + axis)) + "', there are " +
                     listed(names) + kAdvice + ", or pass over titles with --skip N");
@@ -149,10 +147,10 @@ class FrontReader {
     } else if (const auto named = find_coordinates(names_.names)) {
       axes = *named;
     }
-    const bool any = std::any_of(words.begin(), words.end(), [](std::string_view word) { return !word.empty(); });
-    const std::size_t most = *std::max_element(axes.begin(), axes.end());
+    const bool any = std::ranges::any_of(words, [](std::string_view word) { return !word.empty(); });
+    const std::size_t most = *std::ranges::max_element(axes);
     if (words.size() <= most && words.size() >= 3) return false;
-    return any && std::all_of(axes.begin(), axes.end(), [&](std::size_t axis) {
+    return any && std::ranges::all_of(axes, [&](std::size_t axis) {
              if (axis >= words.size()) return is_number(words[0], separator);  // too few values, as will be said
              return is_number(words[axis], separator) || (words[axis].empty() && separator != ' ');
            });
@@ -176,8 +174,7 @@ class FrontReader {
     const auto axes = find_coordinates(names_.names);
     if (!axes || words.size() != names_.names.size()) return false;
     const auto has = [&](auto is_it) {
-      return std::any_of(axes->begin(), axes->end(),
-                         [&](std::size_t axis) { return std::any_of(words[axis].begin(), words[axis].end(), is_it); });
+      return std::ranges::any_of(*axes, [&](std::size_t axis) { return std::ranges::any_of(words[axis], is_it); });
     };
     const bool digits = has([](char c) { return c >= '0' && c <= '9'; });
     const bool letters = has([](char c) { return static_cast<unsigned char>(c | 32) >= 'a'; });
@@ -245,7 +242,7 @@ class FrontReader {
     if (names.size() != columns) return false;
     const std::vector<std::string> usual = usual_names(format_, name_, columns);
     if (format_ == Format::pts || usual.size() == kCoordinates) return true;
-    return std::any_of(names.begin(), names.end(), [&](const auto& name) { return ply_name(name) == usual.back(); });
+    return std::ranges::any_of(names, [&](const auto& name) { return ply_name(name) == usual.back(); });
   }
 
   void take(const Names& names, std::string_view line) {
@@ -259,8 +256,7 @@ class FrontReader {
   void check_title(std::string_view line, std::size_t columns) const {
     for (const char separator : {front_.separator, separator_of(line)}) {
       const Words words = words_of(line, separator);
-      const bool numbers =
-          std::any_of(words.begin(), words.end(), [](auto word) { return to_number(word).has_value(); });
+      const bool numbers = std::ranges::any_of(words, [](auto word) { return to_number(word).has_value(); });
       if (words.size() == columns && !numbers) fail_nameless(names_in(line, separator).names);
       if (words.size() != columns || columns < 3) continue;
       const auto first = words.begin(), end = words.begin() + 3;

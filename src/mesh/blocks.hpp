@@ -95,7 +95,7 @@ ByNumber<Item> sort_by_number(std::size_t sources, std::size_t numbers, const Fo
   for_each(parts, [&](std::size_t part) {
     std::vector<std::size_t> counts(ranges);
     for_part(part, [&](std::uint32_t number, const Item&) { ++counts[number / width]; });
-    std::copy(counts.begin(), counts.end(), next.begin() + std::ptrdiff_t(part * ranges));
+    std::ranges::copy(counts, next.begin() + std::ptrdiff_t(part * ranges));
   });
   std::size_t items = 0;
   for (std::size_t range = 0; range < ranges; ++range) {

@@ -4,10 +4,54 @@
 #include <algorithm>
 
 #include "mesh/blocks.hpp"
-#include "mesh/face_corners.hpp"
 
 namespace pointfair {
 namespace {
+
+// The corners of faces as vertices, and which faces are degenerate.
+// `vertex`: of each point, as MeshEdges. What is passed must outlive this.
+class FaceCorners {
+ public:
+  FaceCorners(const Polygons& faces, std::span<const std::uint32_t> vertex) : faces_(faces), vertex_(vertex) {}
+
+  // Calls visit(corners) for each face from `first` to before `last` that is not degenerate, and returns how many are.
+  template <class Visit>
+  std::uint64_t for_each(std::size_t first, std::size_t last, const Visit& visit) {
+    std::uint64_t degenerate = 0, begin = first == 0 ? 0 : faces_.ends[first - 1];
+    for (std::size_t face = first; face < last; ++face) {
+      const std::uint64_t end = faces_.ends[face];
+      if (take(begin, end)) {
+        visit(std::span<std::uint32_t>(corners_));
+      } else {
+        ++degenerate;
+      }
+      begin = end;
+    }
+    return degenerate;
+  }
+
+ private:
+  bool take(std::uint64_t begin, std::uint64_t end) {
+    corners_.clear();
+    for (std::uint64_t c = begin; c < end; ++c) {
+      const std::uint32_t at = vertex_[faces_.corners[c]];
+      if (at == kNoVertex) return false;
+      if (corners_.empty() || corners_.back() != at) corners_.push_back(at);
+    }
+    while (corners_.size() > 1 && corners_.back() == corners_.front()) corners_.pop_back();
+    return corners_.size() >= 3 && all_differ();
+  }
+  bool all_differ() {
+    if (corners_.size() == 3) return true;  // those beside each other do
+    sorted_ = corners_;
+    std::ranges::sort(sorted_);
+    return std::ranges::adjacent_find(sorted_) == sorted_.end();
+  }
+
+  const Polygons& faces_;
+  std::span<const std::uint32_t> vertex_;
+  std::vector<std::uint32_t> corners_, sorted_;
+};
 
 // Faces that were read together, each from its least corner on.
 struct Part {
@@ -18,8 +62,7 @@ struct Part {
 using FaceVertices = std::span<const std::uint32_t>;
 
 OrderedFaces::Beside beside_of(FaceVertices corners, std::uint32_t vertex) {
-  const std::size_t own = std::size_t(std::find(corners.begin(), corners.end(), vertex) - corners.begin()),
-                    last = corners.size() - 1;
+  const std::size_t own = std::size_t(std::ranges::find(corners, vertex) - corners.begin()), last = corners.size() - 1;
   return {corners[own < last ? own + 1 : 0], corners[own > 0 ? own - 1 : last]};
 }
 
@@ -37,7 +80,7 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
     Part& part = parts[block];
     FaceCorners each(faces, vertices.of_point);
     part.degenerate = each.for_each(first, last, [&](std::span<std::uint32_t> corners) {
-      std::rotate(corners.begin(), std::min_element(corners.begin(), corners.end()), corners.end());
+      std::rotate(corners.begin(), std::ranges::min_element(corners), corners.end());
       part.corners.insert(part.corners.end(), corners.begin(), corners.end());
       part.sizes.push_back(std::uint32_t(corners.size()));
     });
@@ -53,16 +96,14 @@ void OrderedFaces::collect(const Vertices& vertices, const Polygons& faces, cons
       });
   for_mesh_items(vertices.size(), for_each, [&](std::size_t v) {
     const std::span<FaceVertices> its = sorted.of(v);
-    std::sort(its.begin(), its.end(), [](FaceVertices a, FaceVertices b) {
-      return std::lexicographical_compare(a.begin(), a.end(), b.begin(), b.end());
-    });
+    std::ranges::sort(its, [](FaceVertices a, FaceVertices b) { return std::ranges::lexicographical_compare(a, b); });
   });
   faces_.ends.resize(sorted.items.size());
   const auto size = [&](std::size_t f) { return sorted.items[f].size(); };
   faces_.corners.resize(place_in_order(faces_.ends.size(), for_each, size,
                                        [&](std::size_t f, std::size_t begin) { faces_.ends[f] = begin + size(f); }));
   for_mesh_items(faces_.ends.size(), for_each, [&](std::size_t f) {
-    std::copy(sorted.items[f].begin(), sorted.items[f].end(), faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
+    std::ranges::copy(sorted.items[f], faces_.corners.begin() + std::ptrdiff_t(first_corner(f)));
   });
 }
 

@@ -26,7 +26,8 @@ inline point::Vec3<double> face_normal(std::span<const std::uint32_t> corners, s
 // same bits for any order of faces and points.
 class OrderedFaces {
  public:
-  // Degenerate faces (mesh/face_corners.hpp) are left out. Linear in points and corners.
+  // Degenerate faces are left out: a corner at the place of the one before it is no corner, and a face is degenerate if
+  // fewer than three are left, if it meets a place twice, or if a corner is not finite. Linear in points and corners.
   OrderedFaces(const Vertices& vertices, const Polygons& faces, const ForEach& for_each);
 
   std::size_t size() const { return faces_.size(); }

@@ -40,7 +40,7 @@ void sides_of(std::uint32_t v, const OrderedFaces& faces, std::vector<Side>& sid
     sides.push_back({beside[i].after, faces.around(v)[i], true});
     sides.push_back({beside[i].before, faces.around(v)[i], false});
   }
-  std::sort(sides.begin(), sides.end(), precedes);
+  std::ranges::sort(sides, precedes);
 }
 
 struct EdgeCounts {
@@ -88,8 +88,7 @@ class Block {
   std::size_t slot(std::uint32_t v, const Side& side) const {
     const auto corners = faces_.corners(side.face);
     const std::uint32_t from = side.is_forward ? v : side.there;
-    return faces_.first_corner(side.face) +
-           std::size_t(std::find(corners.begin(), corners.end(), from) - corners.begin());
+    return faces_.first_corner(side.face) + std::size_t(std::ranges::find(corners, from) - corners.begin());
   }
 
   const OrderedFaces& faces_;
@@ -158,8 +157,7 @@ MeshTopology topology_of(Vertices vertices, const OrderedFaces& faces, const For
   edges.begin[count] = begin.back();
   edges.neighbors.resize(begin.back());
   for_mesh_blocks(count, for_each, [&](std::size_t first, std::size_t last, std::size_t block) {
-    std::copy(blocks[block].neighbors.begin(), blocks[block].neighbors.end(),
-              edges.neighbors.begin() + std::ptrdiff_t(begin[block]));
+    std::ranges::copy(blocks[block].neighbors, edges.neighbors.begin() + std::ptrdiff_t(begin[block]));
     for (std::size_t v = first; v < last; ++v) edges.begin[v] += begin[block];
   });
   gather_across(faces, for_each, mesh);

@@ -65,7 +65,7 @@ platform::LargeVector<Placed> along_curve(std::span<const Point> points, const F
       });
   for_mesh_items(parts, for_each, [&](std::size_t part) {
     const std::span<Placed> its = by_part.of(part);
-    std::sort(its.begin(), its.end(), [&](const Placed& a, const Placed& b) {
+    std::ranges::sort(its, [&](const Placed& a, const Placed& b) {
       if (a.curve != b.curve) return a.curve < b.curve;
       const Point &p = points[a.point], &q = points[b.point];
       return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);

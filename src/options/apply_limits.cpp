@@ -63,7 +63,7 @@ Lasso lasso_of(std::string_view text) {
   if (!sound)
     refuse("lasso", text, "12 numbers of a matrix, a colon, and 3 to 256 corners x,y: the viewer writes them");
   Lasso lasso;
-  std::copy(camera.begin(), camera.end(), lasso.camera.begin());
+  std::ranges::copy(camera, lasso.camera.begin());
   for (std::size_t c = 0; c < corners.size(); c += 2) lasso.polygon.push_back({corners[c], corners[c + 1]});
   return lasso;
 }

@@ -41,7 +41,7 @@ void widen(std::vector<Cell>& cells) {
     cell.x >>= 1;
     cell.y >>= 1;
   }
-  std::sort(cells.begin(), cells.end(), is_before);
+  std::ranges::sort(cells, is_before);
   unite(cells);
 }
 
@@ -89,7 +89,7 @@ void HeightGrid::add(const Point& point) {
 }
 
 void HeightGrid::settle() {
-  std::sort(fresh_.begin(), fresh_.end(), is_before);
+  std::ranges::sort(fresh_, is_before);
   unite(fresh_);
   merge_into(cells_, fresh_);
   fresh_.clear();
@@ -119,7 +119,7 @@ void HeightGrid::make_larger() {
 std::optional<double> HeightGrid::height_at(const Point& point) const {
   if (cells_.empty()) return std::nullopt;
   const auto find = [](const std::vector<Cell>& cells, const Cell& wanted) -> const Cell* {
-    const auto its = std::lower_bound(cells.begin(), cells.end(), wanted, is_before);
+    const auto its = std::ranges::lower_bound(cells, wanted, is_before);
     return its != cells.end() && place_of(*its) == place_of(wanted) ? &*its : nullptr;
   };
   if (holds(point)) {

@@ -53,56 +53,37 @@ std::string wanted_values(const ParamInfo& info) {
   return "a positive length: 0.02 (file units), 0.5% (of the diagonal), 2s (mean spacings)" + of_radius + automatic;
 }
 
-// The units that a length may carry, in metres; a longer name stands before its end.
-constexpr std::pair<std::string_view, double> kMetres[] = {{"mm", 0.001}, {"cm", 0.01}, {"ft", 0.3048}, {"m", 1}};
+// What ends a length in each unit, the longer of two ends first.
+struct LengthEnd {
+  std::string_view text;
+  Length::Unit unit;
+  double factor = 1;
+};
+constexpr LengthEnd kLengthEnds[] = {{"%", Length::Unit::percent},     {"s", Length::Unit::spacing},
+                                     {"r", Length::Unit::radius},      {"mm", Length::Unit::metre, .001},
+                                     {"cm", Length::Unit::metre, .01}, {"ft", Length::Unit::metre, .3048},
+                                     {"m", Length::Unit::metre},       {"", Length::Unit::file}};
 
 Length length_of(const ParamInfo& info, std::string_view text) {
   if (text == "auto") return {};
-  Length::Unit unit = Length::Unit::file;
-  std::string_view digits = text;
-  if (digits.ends_with('%')) {
-    unit = Length::Unit::percent;
-    digits.remove_suffix(1);
-  } else if (digits.ends_with('s')) {
-    unit = Length::Unit::spacing;
-    digits.remove_suffix(1);
-  } else if (digits.ends_with('r') && info.in_radii) {
-    unit = Length::Unit::radius;
-    digits.remove_suffix(1);
-  }
-  double factor = 1;
-  for (const auto& [name, metres] : kMetres) {
-    if (unit != Length::Unit::file || !digits.ends_with(name)) continue;
-    unit = Length::Unit::metre;
-    factor = metres;
-    digits.remove_suffix(name.size());
-  }
-  const std::optional<double> value = number_of(digits);
+  const auto& end = *std::ranges::find_if(kLengthEnds, [&](const LengthEnd& its) {
+    return text.ends_with(its.text) && (its.unit != Length::Unit::radius || info.in_radii);
+  });
+  const std::optional<double> value = number_of(text.substr(0, text.size() - end.text.size()));
   if (!value || !(*value > 0) || *value > info.max) refuse(info, text, wanted_values(info));
-  return {*value * factor, unit};
+  return {*value * end.factor, end.unit};
 }
 
 std::string length_text(const Length& length) {
-  switch (length.unit) {
-    case Length::Unit::automatic:
-      return "auto";
-    case Length::Unit::file:
-      return number_text(length.value);
-    case Length::Unit::percent:
-      return number_text(length.value) + "%";
-    case Length::Unit::spacing:
-      return number_text(length.value) + "s";
-    case Length::Unit::radius:
-      return number_text(length.value) + "r";
-    case Length::Unit::metre:
-      return number_text(length.value) + "m";
-  }
-  return "auto";
+  if (length.is_automatic()) return "auto";
+  const auto& end = *std::ranges::find_if(
+      kLengthEnds, [&](const LengthEnd& its) { return its.unit == length.unit && its.factor == 1; });
+  return number_text(length.value).append(end.text);
 }
 
 std::size_t word_index(const ParamInfo& info, std::string_view text) {
   const auto words = words_of(info.values);
-  const auto found = std::find(words.begin(), words.end(), text);
+  const auto found = std::ranges::find(words, text);
   if (found == words.end()) refuse(info, text, wanted_values(info));
   return std::size_t(found - words.begin());
 }
@@ -198,16 +179,15 @@ Params paper_preset() {
 
 const ParamInfo* find_param(std::string_view name) {
   const auto same = [&](const ParamInfo& info) {
-    return std::equal(info.name.begin(), info.name.end(), name.begin(), name.end(),
-                      [](char a, char b) { return joined(a) == joined(b); });
+    return std::ranges::equal(info.name, name, [](char a, char b) { return joined(a) == joined(b); });
   };
-  const auto found = std::find_if(kParams.begin(), kParams.end(), same);
+  const auto found = std::ranges::find_if(kParams, same);
   return found == kParams.end() ? nullptr : &*found;
 }
 
 std::string flag_of(std::string_view name) {
   std::string flag = "--" + std::string(name);
-  std::replace(flag.begin(), flag.end(), '_', '-');
+  std::ranges::replace(flag, '_', '-');
   return flag;
 }
 

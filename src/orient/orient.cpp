@@ -135,7 +135,7 @@ float agreement(const Sample& a, const Sample& b, float squared_spacing) {
 
 std::vector<Edge> edges_of(const std::vector<Sample>& samples, const std::stop_token& stop) {
   std::vector<Point> positions(samples.size());
-  std::transform(samples.begin(), samples.end(), positions.begin(), [](const Sample& s) { return s.position; });
+  std::ranges::transform(samples, positions.begin(), [](const Sample& s) { return s.position; });
   const std::vector<std::uint32_t> lists = nearest_neighbors(positions, kNeighbors, stop);
   const auto list = [&](std::size_t i) { return std::span(lists).subspan(i * kNeighbors, kNeighbors); };
   std::vector<float> squared_spacing(samples.size());
@@ -152,7 +152,7 @@ std::vector<Edge> edges_of(const std::vector<Sample>& samples, const std::stop_t
     for (const std::uint32_t j : list(i)) {
       if (j == kNone) break;
       const auto back = list(j);
-      if (j < i && std::find(back.begin(), back.end(), std::uint32_t(i)) != back.end()) continue;  // j has it
+      if (j < i && std::ranges::find(back, std::uint32_t(i)) != back.end()) continue;  // j has it
       const float between = (squared_spacing[i] + squared_spacing[j]) / 2;
       of_block[i / kBlock].push_back({agreement(samples[i], samples[j], between), std::uint32_t(i), j});
     }

@@ -130,7 +130,7 @@ OutlierCounts Pipeline::State::refine_outside(int iteration, double sigma, std::
   Backend& backend = cloud.backend();
   std::vector<std::uint8_t> held(out.size());
   const OutlierCounts counts = timed("download", [&] { return backend.download(iteration, out, limits, held); });
-  if (!marks.empty()) std::copy(held.begin(), held.end(), marks.begin());
+  if (!marks.empty()) std::ranges::copy(held, marks.begin());
   if (!(sigma > 0)) return counts;
   return timed(kNet, [&] {
     if (progress) progress(0);

@@ -21,7 +21,7 @@ void check_clouds(std::span<const std::uint64_t> offsets, std::size_t points, st
   if (offsets.empty() || offsets.front() != 0 || offsets.back() != points)
     throw Error(ErrorKind::usage,
                 "offsets must begin with 0 and end with the number of points, " + std::to_string(points));
-  if (!std::is_sorted(offsets.begin(), offsets.end()))
+  if (!std::ranges::is_sorted(offsets))
     throw Error(ErrorKind::usage, "offsets must not decrease: cloud i has the points offsets[i] to offsets[i + 1]");
   if (room != points)
     throw Error(ErrorKind::usage,

@@ -54,7 +54,7 @@ class SamplesTaken final : public Sampling {
   }
   void sample_neighborhoods(std::span<const std::uint32_t>, int, std::span<Point> out) override {
     constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
-    std::fill(out.begin(), out.end(), Point{kNaN, kNaN, kNaN});
+    std::ranges::fill(out, Point{kNaN, kNaN, kNaN});
     lacks_something_ = true;
   }
   void for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) override {

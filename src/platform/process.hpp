@@ -11,5 +11,7 @@ int process_id();
 std::string machine_name();
 // Whether a process of this machine has that id and lives; true where the system does not say.
 bool is_alive(int process);
+// The processor, as its maker calls it; "CPU" where the system does not say.
+std::string processor_name();
 
 }  // namespace pointfair::platform

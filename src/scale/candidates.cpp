@@ -10,7 +10,7 @@ std::vector<SampleCandidate> CandidatesAhead::collect(Candidates wanted) {
   const auto holds = [&](const Held& held) {
     return held.asked.refinement == wanted.refinement && held.asked.limit >= wanted.limit;
   };
-  auto held = std::find_if(held_.begin(), held_.end(), holds);
+  auto held = std::ranges::find_if(held_, holds);
   if (held == held_.end()) {
     const Candidates more = with_more(wanted);
     held_ = {{more, {}}, {refined(more), {}}};
@@ -20,8 +20,8 @@ std::vector<SampleCandidate> CandidatesAhead::collect(Candidates wanted) {
     held = held_.begin();
   }
   std::vector<SampleCandidate> found;
-  std::copy_if(held->found.begin(), held->found.end(), std::back_inserter(found),
-               [&](const SampleCandidate& candidate) { return candidate.hash <= wanted.limit; });
+  std::ranges::copy_if(held->found, std::back_inserter(found),
+                       [&](const SampleCandidate& candidate) { return candidate.hash <= wanted.limit; });
   return found;
 }
 

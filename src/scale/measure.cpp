@@ -57,7 +57,7 @@ class StoredSampling final : public Sampling, private PointStore {
 
   // Queries are indices in the sample.
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    std::ranges::fill(out, Point{kNan, kNan, kNan});
     std::map<Position, std::vector<std::size_t>> of_origin;
     std::vector<Point> places;
     for (std::size_t q = 0; q < queries.size(); ++q) {
@@ -108,7 +108,7 @@ class StoredSampling final : public Sampling, private PointStore {
     std::vector<Point> around_origin;
     for (std::uint32_t leaf = 0; leaf < cloud_.leaves().size(); ++leaf) {
       const Bounds& box = cloud_.leaves()[leaf];
-      if (std::none_of(places.begin(), places.end(), [&](const auto& place) {
+      if (std::ranges::none_of(places, [&](const auto& place) {
             return may_overlap({to_vec3(place.first), to_vec3(place.first)}, box);
           }))
         continue;

@@ -60,8 +60,8 @@ void PointsFile::indices(std::uint64_t first, std::span<std::uint64_t> out) cons
   }
   std::vector<std::uint32_t> differences(out.size());
   short_indices(first, differences);
-  std::transform(differences.begin(), differences.end(), out.begin(),
-                 [&](std::uint32_t difference) { return header_.first_index + difference; });
+  std::ranges::transform(differences, out.begin(),
+                         [&](std::uint32_t difference) { return header_.first_index + difference; });
 }
 
 void PointsFile::short_indices(std::uint64_t first, std::span<std::uint32_t> out) const {

@@ -123,7 +123,7 @@ void StoredCloud::for_pieces(const LeafRange& range, const IsWanted& is_wanted, 
   for (std::size_t p = 0; p < stored_->parts.size(); ++p) {
     const auto& [open, leaves, begins, copies] = stored_->parts[p];
     std::unique_ptr<PointsFile> opened;  // for as long as it is used, where too many files would stay open
-    const auto first = std::lower_bound(leaves.begin(), leaves.end(), range.begin);
+    const auto first = std::ranges::lower_bound(leaves, range.begin);
     for (auto leaf = first; leaf != leaves.end() && range.holds(*leaf); ++leaf) {
       if (!is_wanted(*leaf)) continue;
       if (!open && !opened) opened = std::make_unique<PointsFile>(stored_->files[p]);

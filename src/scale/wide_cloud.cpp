@@ -86,8 +86,7 @@ WideResult WideCloud::run(const WideJob& job, const std::stop_token& stop, const
   result.positions.resize(source_->size());
   io::for_each_block(source_->block_count(), [&](std::size_t block) {
     const Moves moves = source_->moves(block, edits);
-    std::copy(moves.values.begin(), moves.values.end(),
-              result.positions.begin() + std::ptrdiff_t(source_->block_begin(block)));
+    std::ranges::copy(moves.values, result.positions.begin() + std::ptrdiff_t(source_->block_begin(block)));
   });
   const Counts counts = tasks->counts();
   report.unmoved = counts.unmoved;

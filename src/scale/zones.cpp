@@ -32,7 +32,7 @@ double squared_reach(const std::vector<Position>& places, std::size_t at) {
     const double squared = d[0] * d[0] + d[1] * d[1] + d[2] * d[2];
     if (squared < nearest.back()) {
       nearest.back() = squared;
-      std::sort(nearest.begin(), nearest.end());
+      std::ranges::sort(nearest);
     }
     return true;
   };
@@ -60,7 +60,7 @@ double float_step_of(const std::vector<Position>& places, const Position& origin
 
 // Of a surface that has `share` of its points among these: a disc to the kNth nearest holds so many.
 double spacing_of(std::vector<Position> places, double share) {
-  std::sort(places.begin(), places.end());
+  std::ranges::sort(places);
   places.erase(std::unique(places.begin(), places.end()), places.end());
   if (places.size() < kFewest) return kInfinite;
   std::vector<double> squared;

@@ -29,7 +29,7 @@ bool may_overlap(const point::Region& r, const Bounds& b) {
 
 double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
   double sides[] = {double(b.max.x) - b.min.x, double(b.max.y) - b.min.y, double(b.max.z) - b.min.z};
-  std::sort(std::begin(sides), std::end(sides));
+  std::ranges::sort(sides);
   const double count = double(std::max<std::uint64_t>(b.valid, 1));
   const double spacing = std::max(std::sqrt(sides[2] * sides[1] / count), sides[2] / count);
   const double diagonal = portable::hypot(double(whole.max.x) - whole.min.x, double(whole.max.y) - whole.min.y,
@@ -40,7 +40,7 @@ double reach_of_nearest(const Bounds& whole, double k, const Bounds& b) {
 double first_halo(const Bounds& whole, const FramedSettings& stages, const Bounds& b) {
   const NeighborSettings& n = stages.neighbors;
   double nearest = reach_of_nearest(whole, n.k > 0 ? n.k : n.min_neighbors, b);
-  if (n.reach_levels) nearest *= *std::max_element(n.reach_levels->levels.begin(), n.reach_levels->levels.end());
+  if (n.reach_levels) nearest *= *std::ranges::max_element(n.reach_levels->levels);
   double reach = n.k > 0 ? nearest : portable::hypot(nearest, double(n.radius));
   if (n.k > 0 && n.radius > 0) reach = std::min(reach, 1.01 * double(n.radius));
   if (n.constraint) reach += double(n.reach);

@@ -2,15 +2,18 @@
 #include "tiles/tile_run.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <new>
+#include <optional>
 #include <utility>
 
+#include "point/outliers.h"
 #include "seam/exactness.hpp"
+#include "seam/noise_levels.hpp"
 #include "seam/outlier_tally.hpp"
 #include "seam/overlap.hpp"
 #include "seam/sampling.hpp"
 #include "seam/stop.hpp"
-#include "tiles/far_off.hpp"
 #include "tiles/halves.hpp"
 
 namespace pointfair {
@@ -18,6 +21,63 @@ namespace {
 
 constexpr std::size_t kBlock = 1 << 14;
 constexpr std::size_t kMostFarOff = 64;  // points that are looked at one by one, where they do not fit together
+
+constexpr double kSurely = 1 + 1e-5;  // of squares of lengths, which backends round to floats
+
+// Whether the radius of a point ends within what is known, and none of its neighbours is so near that their plane could
+// make it one of a surface (point/outliers.h).
+bool lacks_near_ones(const TileWorker& worker, std::size_t index, const FramedSettings& stages, double known) {
+  const NeighborSettings& n = stages.neighbors;
+  const FairingSettings& f = stages.fairing;
+  const Point& place = worker.points[index];
+  const std::uint32_t itself = first_of(worker.copies, std::uint32_t(index));
+  std::vector<double> squared;
+  for (std::uint32_t i = 0; i < worker.points.size(); ++i)
+    if (i != itself && first_of(worker.copies, i) == i)
+      squared.push_back(point::squared_length(point::offset_between(place, worker.points[i])));
+  if (n.k > 0 || n.min_neighbors == 0 || squared.size() < std::size_t(n.min_neighbors)) return false;
+  const auto last = squared.begin() + n.min_neighbors - 1;
+  std::nth_element(squared.begin(), last, squared.end());
+  const double nearest = *std::min_element(squared.begin(), last + 1), level = noise_level_at(n.levels.get(), place),
+               base = level * n.radius, off = std::max(double(f.outlier_distance), level * f.level_outlier_distance),
+               wide = std::isfinite(n.widest) ? n.widest : 0,
+               widest = kSurely * (std::max(*last, wide * wide) + base * base);
+  return widest < known * known && nearest > kSurely * std::max(point::kNearSquaredRadius * widest, off * off);
+}
+
+// Points that lie so far from all others that a box which holds the nearest of these holds more than fits: strays of a
+// survey. Whether one is isolated follows from its nearest points alone, where they are all about as far as the
+// nearest.
+struct Isolated {
+  Point result;
+  unsigned char outcome;  // point::Outcome
+};
+
+// The result of the point at a place, if it is one that keeps its place with the whole cloud loaded, too. Null: it does
+// not, or that does not follow from what the store loads around it.
+std::optional<Isolated> isolated_at(const Point& place, PointStore& store, const FramedSettings& stages,
+                                    TileWorker& worker, const std::stop_token& stop) {
+  const auto& sensors = stages.fairing.sensors;
+  if (sensors && sensors->places.size() > 1) return std::nullopt;  // which place is whose is told by numbers
+  const double known = store.load_nearest(place, worker) - reach_of_decision(stages.copies);
+  const auto at = std::ranges::find_if(worker.points, [&](const Point& p) { return same_place(p, place); });
+  if (!(known > 0) || at == worker.points.end()) return std::nullopt;
+  const auto index = std::size_t(at - worker.points.begin());
+  worker.loaded = kEverywhere;
+  worker.upload(stages.frame ? IndexOrder::along_curve : IndexOrder::fastest, stages.copies);
+  if (!lacks_near_ones(worker, index, stages, known)) return std::nullopt;
+  Backend& backend = *worker.backend;
+  run_stages(backend, 0, stages, stop);
+  worker.outcomes.resize(worker.points.size());
+  backend.exactness()->outcomes(kEverywhere, worker.outcomes);
+  const unsigned char outcome = worker.outcomes[index];
+  backend.download(0, worker.results, {}, {});
+  worker.note_costs();
+  const Point result = worker.results[index];
+  const bool is_isolated = std::isnan(result.x) && point::outlier_at(result.x) == point::Outlier::isolated;
+  if (!is_isolated && (outcome & (point::kTooFew | point::kNoNormal)) == 0) return std::nullopt;
+  return Isolated{result, outcome};
+}
 
 // A run, and what is left of it.
 class Engine {
@@ -44,7 +104,7 @@ class Engine {
   // The workers in turn, so that one computes while another is copied to and from.
   void feed(std::span<TileWorker> workers) {
     const auto any_at_work = [&] {
-      return std::any_of(workers.begin(), workers.end(), [](const TileWorker& w) { return w.task.has_value(); });
+      return std::ranges::any_of(workers, [](const TileWorker& w) { return w.task.has_value(); });
     };
     for (std::size_t turn = 0;; ++turn) {
       throw_if_stopped(stop_);
@@ -132,8 +192,7 @@ class Engine {
   }
 
   static bool is_wanted(const TileTask& task, std::uint32_t number, const Point& p) {
-    return task.cell ? is_in_cell(*task.cell, to_vec3(p))
-                     : std::binary_search(task.listed.begin(), task.listed.end(), number);
+    return task.cell ? is_in_cell(*task.cell, to_vec3(p)) : std::ranges::binary_search(task.listed, number);
   }
 
   // Does `work` for the worker's task; false where it needs more memory than there is, and the task was split.
@@ -188,7 +247,7 @@ class Engine {
   }
 
   TileTask listed(Indices indices, double halo) const {
-    std::sort(indices.begin(), indices.end());
+    std::ranges::sort(indices);
     Bounds bounds = kNoBounds;
     for (const std::uint32_t i : indices) include(bounds, run_.store.points()[i]);
     return {std::nullopt, std::move(indices), bounds, halo};

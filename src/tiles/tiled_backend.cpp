@@ -138,9 +138,8 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     copy_invalid(input_of(iteration), its.faired);
     its.counts = run(iteration, TileRun::Result::points, its.faired, stop);
     its.counts.unmoved.non_finite = cloud_.size() - first_.cut->bounds().valid - copies_.size();
-    add_copies(copies_, cloud_.size(), its.counts, [&](std::span<unsigned char> outcomes) {
-      std::copy(outcomes_.begin(), outcomes_.end(), outcomes.begin());
-    });
+    add_copies(copies_, cloud_.size(), its.counts,
+               [&](std::span<unsigned char> outcomes) { std::ranges::copy(outcomes_, outcomes.begin()); });
     note("tiles", start);
   }
 
@@ -148,7 +147,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
                          std::span<std::uint8_t> outliers) override {
     const auto start = Clock::now();
     const Room& faired = held(iteration).faired;
-    std::fill(outliers.begin(), outliers.end(), std::uint8_t(0));
+    std::ranges::fill(outliers, std::uint8_t(0));
     const bool is_limited = limits.farthest > 0, may_hold_back = is_limited || iteration > 0;
     const DisplacementLimits used = limits.or_endless();
     const point::NodeField field = field_of(used.levels.get());
@@ -186,7 +185,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
   }
   // Normals are not kept: the tiles are computed again.
   void download_normals(int iteration, std::span<Point> normals, std::stop_token stop) override {
-    std::fill(normals.begin(), normals.end(), Point{0, 0, 0});
+    std::ranges::fill(normals, Point{0, 0, 0});
     run(iteration, TileRun::Result::normals, normals, stop);
     follow<Point>(copies_, normals);
   }
@@ -213,7 +212,7 @@ class CloudInTiles final : public TiledBackend, public Sampling {
     return sample_points(cloud_.size(), point_at, count, on_host());
   }
   void sample_neighborhoods(std::span<const std::uint32_t> queries, int k, std::span<Point> out) override {
-    std::fill(out.begin(), out.end(), Point{kNan, kNan, kNan});
+    std::ranges::fill(out, Point{kNan, kNan, kNan});
     std::vector<Point> places;
     for (const std::uint32_t query : queries) places.push_back(cloud_[query]);
     const ExactRows rows{

@@ -231,7 +231,3 @@ class Streams(Case):
                 self.assertEqual(result.returncode, 2)
                 self.assertIn(says, result.stderr)
                 self.assert_one_line(result.stderr.decode())
-
-
-if __name__ == "__main__":
-    unittest.main()

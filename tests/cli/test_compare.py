@@ -4,7 +4,6 @@ import math
 import pathlib
 import random
 import sys
-import unittest
 
 from program import CUBE_FACES, CUBE_VERTICES, Case, write_off, write_ply
 
@@ -359,7 +358,3 @@ class Text(Case):
         self.assertEqual(both["points"], 50)
         self.assertGreater(both["mean"], 0.01)
         self.assertLess(self.report("compare", self.path("a.data"), mesh, "--as", "cloud", *words)["max"], 1e-5)
-
-
-if __name__ == "__main__":
-    unittest.main()

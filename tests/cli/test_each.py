@@ -8,7 +8,6 @@ import signal
 import struct
 import subprocess
 import time
-import unittest
 
 from program import BIN, Case, default_signals, payload, run, sphere_points, write_ply
 
@@ -213,7 +212,3 @@ class Each(Case):
         self.assertEqual(result.returncode, 3)
         self.assertEqual(len(result.stdout.splitlines()), 3)
         self.assertIn("1 of 3 files failed", result.stderr.decode())
-
-
-if __name__ == "__main__":
-    unittest.main()

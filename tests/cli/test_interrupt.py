@@ -7,7 +7,6 @@ import signal
 import socket
 import subprocess
 import time
-import unittest
 
 from program import BIN, Case, default_signals, sphere_points, write_ply
 
@@ -149,7 +148,3 @@ class BrokenPipe(Case):
             result = subprocess.run([BIN, *map(str, words)], stdout=writing, stderr=subprocess.PIPE)
             os.close(writing)
             self.assertEqual((result.returncode, result.stderr), (1, b""), words)
-
-
-if __name__ == "__main__":
-    unittest.main()

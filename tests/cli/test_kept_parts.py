@@ -1,8 +1,6 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """What a file holds beside its points is in a new file, or a note tells that it is lost."""
 import struct
-import unittest
 
 from program import Case
 
@@ -244,7 +242,3 @@ class Contents(Conversion):
     def test_third_texture_coordinates_are_told(self):
         mesh = f"{VERTICES}vt 0 0 0.5\nvt 1 0 0\nvt 1 1\nf 1/1 2/2 12/3\n"
         self.told("a.obj", mesh, "1 third value of texture coordinates")
-
-
-if __name__ == "__main__":
-    unittest.main()

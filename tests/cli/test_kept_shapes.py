@@ -1,10 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Clouds that are not like the usual scan keep their shape, and what is noise in them goes."""
 import itertools
 import math
 import random
-import unittest
 
 from program import Case, positions, read_ply
 from test_tiled import write_binary
@@ -155,7 +153,3 @@ class KeptShapes(Case):
 
             before, after = rms(map(off, points)), rms(map(off, self.denoised(points)))
             self.assertLess(after, most * before, (side, slope, steps))
-
-
-if __name__ == "__main__":
-    unittest.main()

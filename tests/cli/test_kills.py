@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles that are killed, interrupted, or have no room go on, and end with the bits of the run in memory.
 
@@ -10,7 +9,6 @@ import shutil
 import signal
 import subprocess
 import time
-import unittest
 
 from program import BIN, Case, default_signals, run, sphere_points
 from test_tiled import write_binary
@@ -296,7 +294,3 @@ class Memory(Case):
         group = Group(self, 100 << 20)
         self.fails(4, "tile", "run", self.path("work"), "--task", "denoise-1:0", preexec_fn=group.enter,
                    says=("denoise-1, task 0", "MiB are free here"))
-
-
-if __name__ == "__main__":
-    unittest.main()

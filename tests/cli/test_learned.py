@@ -1,10 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """--method learned on the command line: it moves points, takes a file of weights, and refuses what it cannot do."""
 import pathlib
 import random
 import struct
-import unittest
 
 from program import Case, positions, run, sphere_points, write_ply
 
@@ -60,7 +58,3 @@ class Learned(Case):
     def test_tiles_on_disk_and_rays_are_refused_in_one_line(self):
         self.assertIn("in tiles on disk", self.refused("--method", "learned", "--tiles", 4))
         self.assertIn("--along ray needs a method", self.refused("--method", "learned", "--along", "ray"))
-
-
-if __name__ == "__main__":
-    unittest.main()

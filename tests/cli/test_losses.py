@@ -1,7 +1,5 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """What a conversion loses is told, --strict refuses it, and options say what a text does not."""
-import unittest
 from pathlib import Path
 
 from program import Case
@@ -97,7 +95,3 @@ class Losses(Case):
     def test_the_documentation_has_the_table(self):
         table = self.ok("doctor", "--losses").stdout.decode()
         self.assertIn(table, DOCUMENTATION.read_text())
-
-
-if __name__ == "__main__":
-    unittest.main()

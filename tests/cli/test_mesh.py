@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """run --connectivity mesh: what is said of faces, and where a mesh is refused."""
 import random
-import unittest
 
 from program import Case, write_off, write_ply
 
@@ -117,7 +116,3 @@ class Mesh(Case):
         self.fails(2, "run", self.mesh, out, *mesh, "--tiles", "2", says="tiles on disk")
         for method in ("fleishman", "jones"):
             self.fails(2, "run", self.mesh, out, "--method", method, says=f"--method {method} reads faces: add --connectivity mesh")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,6 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
 """A command line that is nearly right: the answer names the word that is wrong, and what was probably meant."""
-import unittest
 
 from program import Case, run, sphere_points, write_ply
 
@@ -125,7 +124,3 @@ class Misunderstood(Case):
         result = run("info", "-", input=b"one two\nthree four\n")
         self.assertEqual(result.returncode, 3)
         self.assertIn(b"--in-format", result.stderr)
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -3,7 +3,6 @@
 import hashlib
 import math
 import statistics
-import unittest
 
 from program import CUBE_FACES, CUBE_VERTICES, Case, payload, positions, read_ply, sphere_points, write_off, write_ply
 
@@ -136,7 +135,3 @@ class Refusals(Case):
     def test_a_mesh_without_area(self):
         mesh = write_off(self.path("flat.off"), [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (2.0, 0.0, 0.0)], [(0, 1, 2)])
         self.fails(1, "noise", mesh, self.path("out.ply"), "--points", 10, says="area")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -3,7 +3,6 @@
 import math
 import random
 import struct
-import unittest
 
 from program import Case, read_ply, run, write_ply
 from survey_files import ground, las_grid, write_las, write_old_las
@@ -419,7 +418,3 @@ class Classes(Case):
         both.write_text("x,y,z,Classification,classification\n" + "".join("%.3f,%.3f,%.3f,9,6\n" % p for p in self.points))
         self.ok("run", both, self.path("both.las"), "--strength", 0, "-q")
         self.assertEqual({(row[KINDS], row[30]) for row in records(self.path("both.las"))}, {(6, 9)})
-
-
-if __name__ == "__main__":
-    unittest.main()

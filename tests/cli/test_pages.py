@@ -8,7 +8,6 @@ import random
 import re
 import statistics
 import struct
-import unittest
 import zlib
 from html.parser import HTMLParser
 
@@ -343,7 +342,3 @@ class Displacements(Case):
                     self.assertNotEqual(q[name], q[name])
         self.fails(2, "run", self.path("in.ply"), self.path("no.ply"), "--write-displacement=x", says="--write-displacement")
         self.fails(2, "run", self.path("in.ply"), self.path("no.ply"), "--write-displacement", "--tiles", "2", says="--write-displacement")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -3,7 +3,6 @@
 import math
 import random
 import struct
-import unittest
 
 from program import Case, positions, read_ply, run, write_ply
 from survey_files import ground, write_e57, write_las, write_old_las
@@ -167,7 +166,3 @@ class PointNoise(Case):
         self.fails(2, "run", zero, out, "--noise", "sd", says=["--noise sd", "positive"])
         self.fails(2, "run", self.cloud, out, "--noise", "-1", says="--noise")
         self.fails(2, "run", self.cloud, out, "--noise", "5km", says="--noise")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -62,7 +62,3 @@ class Shell(Case):
         if shutil.which("man"):
             shown = subprocess.run(["man", "--warnings", "-l", page], capture_output=True, text=True, check=True)
             self.assertEqual(shown.stderr, "")
-
-
-if __name__ == "__main__":
-    unittest.main()

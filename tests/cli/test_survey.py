@@ -3,7 +3,6 @@
 import csv
 import json
 import struct
-import unittest
 
 from program import Case, positions, read_ply, run, sphere_points, write_ply
 from survey_files import DEGREES, FEET, ground, las_grid, write_e57, write_las, write_old_las
@@ -281,7 +280,3 @@ class Normals(Case):
         before, after = self.normals(self.cloud), self.normals(self.path("out.ply"))
         self.assertEqual(before[100:], after[100:])
         self.assertNotEqual(before[:100], after[:100])
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,10 +1,8 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """A folder and a virtual point cloud (VPC) stand for all their files, which are one cloud."""
 import json
 import resource
 import shutil
-import unittest
 
 from program import Case, run
 from survey_files import FEET, METRES, ground, write_las
@@ -159,7 +157,3 @@ class Surveys(Case):
             self.assert_one_line(result.stderr.decode())
         self.path("empty").mkdir()
         self.assertEqual(run("run", self.path("empty"), "--out-dir", self.path("out")).returncode, 3)
-
-
-if __name__ == "__main__":
-    unittest.main()

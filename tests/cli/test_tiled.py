@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles on disk have the bits of the run in memory, whatever is killed on the way."""
 import math
@@ -9,7 +8,6 @@ import signal
 import struct
 import subprocess
 import time
-import unittest
 
 from program import BIN, Case, default_signals, run, sphere_points
 from survey_files import ground, las_grid, write_e57, write_las
@@ -383,7 +381,3 @@ class Refusals(Case):
             self.fails(2, "run", source, mesh, "--out-dir", self.path("results"), *words, says=" ".join(words))
         self.assertFalse(self.path("results").exists())
         self.fails(3, "tile", "run", self.folder, "--all", says="no plan")
-
-
-if __name__ == "__main__":
-    unittest.main()

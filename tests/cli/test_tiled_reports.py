@@ -1,8 +1,6 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Runs in tiles on disk say the same of a run as runs in memory."""
 import random
-import unittest
 
 from program import Case, positions, run, write_ply
 from survey_files import ground, write_e57, write_las, write_old_las
@@ -249,7 +247,3 @@ class Reports(Case):
         for other in (link, source):
             self.fails(2, "run", source, other, "--out-dir", self.path("out"), says=[f"{other}: ", str(source), "same file"])
         self.fails(2, "tile", "plan", source, link, "--out-dir", self.path("out"), "--work", self.path("work"), says="same file")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -4,7 +4,6 @@ import json
 import math
 import random
 import re
-import unittest
 from pathlib import Path
 
 from program import (CUBE_FACES, CUBE_VERTICES, Case, positions, radius_error, read_ply, sphere_points, write_off,
@@ -343,7 +342,3 @@ class Formats(Case):
                 self.ok("noise", mesh, source, "--points", 500, "--sigma", "0.5%")
                 self.ok("run", source, result)
                 self.assertEqual(self.report("compare", result, mesh)["points"], 500)
-
-
-if __name__ == "__main__":
-    unittest.main()

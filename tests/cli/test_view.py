@@ -323,7 +323,3 @@ class NoPage(Case):
     def test_what_is_missing_is_said(self):
         cloud = write_ply(self.path("in.ply"), sphere_points(100, 0.01))
         self.fails(1, "view", cloud, "--no-open", says="npm")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -4,7 +4,6 @@ import math
 import random
 import re
 import struct
-import unittest
 
 from program import Case, positions, read_ply, write_ply
 
@@ -203,7 +202,3 @@ class Viewpoint(Case):
         self.fails(2, "run", self.cloud, out, "--tiles", 3, "--along", "ray", says=("--along ray", "--viewpoint"))
         self.fails(2, "run", self.cloud, out, "--tiles", 3, "--viewpoint", "vx,vy,vz", says=("--viewpoint", "x,y,z"))
         self.fails(2, "tile", "plan", self.cloud, "--out", out, "--work", self.path("work"), "--viewpoint", "1,2", says="--viewpoint")
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -4,7 +4,6 @@ import math
 import random
 import re
 import struct
-import unittest
 
 from program import Case, sphere_points, write_ply
 
@@ -270,7 +269,3 @@ class Words(Case):
         write_ply(self.path("in.ply"), sphere_points(5000, 0.01))
         for tiles in ([], ["--tiles", "2"]):
             self.assertNotIn("note", self.said(*tiles))
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """Clouds that are too wide for floats around one origin are computed in zones, and no bit depends on the tiles."""
 import math
@@ -8,7 +7,6 @@ import signal
 import struct
 import subprocess
 import time
-import unittest
 
 from program import BIN, Case, read_ply, run
 from survey_files import ground, las_grid, write_las
@@ -193,7 +191,3 @@ class Zones(Case):
         rows = [[body[i:i + 24] for i in range(0, len(body), 28)] for body in bodies]  # without the numbers
         self.assertEqual(rows[1][8], struct.pack("<3d", *far[8]))
         self.assertEqual(rows[0] + rows[1], rows[2])
-
-
-if __name__ == "__main__":
-    unittest.main()

@@ -147,7 +147,7 @@ class Parser {
   static std::optional<std::array<std::size_t, 3>> find(const Scan& scan, const std::array<const char*, 3>& names) {
     std::array<std::size_t, 3> result{};
     for (std::size_t axis = 0; axis < 3; ++axis) {
-      const auto found = std::find_if(scan.fields.begin(), scan.fields.end(), [&](const Field& field) {
+      const auto found = std::ranges::find_if(scan.fields, [&](const Field& field) {
         return field.name == names[axis] && field.kind != Field::Kind::other;
       });
       if (found == scan.fields.end()) return std::nullopt;

@@ -129,8 +129,8 @@ class NewFile {
                          .type = type,
                          .values = reinterpret_cast<const char*>(table_.positions.data()) + axis * sizeof(double),
                          .stride = sizeof(Position)});
-    const bool all_valid = std::all_of(table_.positions.begin(), table_.positions.end(),
-                                       [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
+    const bool all_valid =
+        std::ranges::all_of(table_.positions, [](const Position& p) { return std::isfinite(p[0] + p[1] + p[2]); });
     if (!all_valid)
       fields_.push_back({.name = "cartesianInvalidState", .type = NativeType::uint8, .maximum = 2, .is_state = true});
     const std::vector<std::string> names = e57_names(names_of(table_)).names;

@@ -168,7 +168,7 @@ void E57Source::extract_block(std::size_t index, std::size_t number, std::span<c
   if (field != scan.fields.end()) {
     read_values(bytes(), scan, static_cast<std::size_t>(field - scan.fields.begin()), block.first, values);
   } else if (column.name == kScanColumn) {
-    std::fill(values.begin(), values.end(), static_cast<double>(block.scan));
+    std::ranges::fill(values, static_cast<double>(block.scan));
   }
   for (std::size_t i = 0; i < values.size(); ++i) store_double(out.data() + i * size, column.type, false, values[i]);
 }
@@ -183,7 +183,7 @@ FileInfo E57Source::info() const {
   result.metres_per_unit = 1;  // as the standard says
   result.rows.push_back({"software", library_});
   result.rows.push_back({"scans", std::to_string(scans_.size())});
-  const auto poses = std::count_if(scans_.begin(), scans_.end(), [](const ScanPoints& scan) { return scan.has_pose; });
+  const auto poses = std::ranges::count_if(scans_, &ScanPoints::has_pose);
   result.rows.push_back({"poses", std::to_string(poses)});
   if (!coordinate_metadata_.empty()) result.rows.push_back({"coordinate_system", coordinate_metadata_});
   for (const ScanPoints& scan : scans_) {
@@ -213,7 +213,7 @@ std::uint64_t E57Source::count_directions() const {
 
 std::vector<Content> E57Source::contents() const {
   std::vector<Content> result;
-  const auto any = [&](const auto& has) { return std::any_of(scans_.begin(), scans_.end(), has); };
+  const auto any = [&](const auto& has) { return std::ranges::any_of(scans_, has); };
   if (!coordinate_metadata_.empty()) result.push_back({ContentKind::coordinate_system, "the coordinate system"});
   if (any([](const ScanPoints& scan) { return !scan.pose.is_identity; }))
     result.push_back({ContentKind::poses, "the poses of scans"});

@@ -98,8 +98,7 @@ std::vector<std::vector<Piece>> find_streams(std::string_view file, const Scan& 
 void read_stream(std::string_view file, const std::vector<Piece>& pieces, std::uint64_t begin, std::uint64_t end,
                  std::string& to) {
   to.resize(static_cast<std::size_t>(end - begin));
-  auto piece = std::upper_bound(pieces.begin(), pieces.end(), begin,
-                                [](std::uint64_t place, const Piece& p) { return place < p.end(); });
+  auto piece = std::ranges::upper_bound(pieces, begin, {}, &Piece::end);
   for (std::uint64_t at = begin; at < end; ++piece) {
     const std::uint64_t run = std::min(end, piece->end()) - at;
     read_pages(file, 0, piece->place + (at - piece->begin), static_cast<std::size_t>(run), to.data() + (at - begin));

@@ -10,7 +10,6 @@
 #include "io/formats.hpp"
 #include "io/gltf/contents.hpp"
 #include "io/gltf/document.hpp"
-#include "io/gltf/materials.hpp"
 
 namespace pointfair::io {
 namespace gltf {
@@ -192,8 +191,7 @@ class Scene {
   // Colours of bytes stay bytes; all else is a float.
   void add_values(const char* name, const Values& values, std::size_t first, std::size_t component,
                   const Transform* transform) {
-    auto column = std::find_if(table_.columns.begin(), table_.columns.end(),
-                               [&](const TableColumn& c) { return c.name == name; });
+    auto column = std::ranges::find(table_.columns, name, &TableColumn::name);
     const bool is_byte = values.type == NativeType::uint8 && values.normalized && values.components >= 3;
     if (column == table_.columns.end())
       column = table_.columns.insert(column, zero_column({name, is_byte ? NativeType::uint8 : NativeType::float32}, 0));
@@ -212,7 +210,7 @@ class Scene {
   // For the points of meshes without the attribute: no normal, no texture, and white, as glTF says.
   static void fill_up(TableColumn& column, std::size_t points) {
     const std::vector<const char*>& colors = kWanted.back().names;
-    const bool is_color = std::find(colors.begin(), colors.end(), column.name) != colors.end();
+    const bool is_color = std::ranges::find(colors, column.name) != colors.end();
     const std::size_t size = size_of(column.type);
     std::size_t at = column.data.size();
     column.data.resize(points * size);

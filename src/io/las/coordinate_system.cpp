@@ -49,7 +49,7 @@ class WktReader {
 
  private:
   static bool is_one_of(const std::string& word, std::initializer_list<std::string_view> names) {
-    return std::find(names.begin(), names.end(), word) != names.end();
+    return std::ranges::find(names, word) != names.end();
   }
 
   void take_value(const std::vector<std::string>& path, std::string_view value) {
@@ -64,7 +64,7 @@ class WktReader {
     const std::string& node = path.back();
     const std::vector<std::string>& values = values_.back();
     const auto lies_in = [&](std::initializer_list<std::string_view> names) {
-      return std::any_of(path.begin(), path.end(), [&](const std::string& word) { return is_one_of(word, names); });
+      return std::ranges::any_of(path, [&](const std::string& word) { return is_one_of(word, names); });
     };
     if (is_one_of(node, {"UNIT", "LENGTHUNIT"}) && values.size() >= 2 &&
         !lies_in({"GEOGCS", "BASEGEOGCRS", "GEOGCRS", "BASEGEODCRS", "GEODCRS", "GEODETICCRS", "CONVERSION",

@@ -74,8 +74,8 @@ class CopcFile {
       sizes[n] = buffer.size();
     });
     std::vector<std::uint32_t> counts(nodes_.size());
-    std::transform(nodes_.begin(), nodes_.end(), counts.begin(),
-                   [](const OctreeNode& node) { return static_cast<std::uint32_t>(node.points.size()); });
+    std::ranges::transform(nodes_, counts.begin(),
+                           [](const OctreeNode& node) { return static_cast<std::uint32_t>(node.points.size()); });
     std::uint64_t end = front.size() + 8;
     const std::string hierarchy = hierarchy_of(sizes, end);
     for (const std::size_t size : sizes) end += size;

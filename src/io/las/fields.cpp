@@ -206,7 +206,7 @@ std::string describe_extra_bytes(const Header& header, const std::vector<Column>
   const std::vector<std::string> names = extra_names(header, added);
   std::size_t next = 0;
   for (const Column& column : added) {
-    const auto* const type = std::find(std::begin(kExtraTypes), std::end(kExtraTypes), column.type);
+    const auto* const type = std::ranges::find(kExtraTypes, column.type);
     for (std::uint32_t c = 0; c < column.components; ++c)
       result += description(static_cast<unsigned>(1 + (type - std::begin(kExtraTypes))), 0, names[next++]);
   }

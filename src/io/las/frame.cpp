@@ -2,11 +2,36 @@
 #include "io/las/frame.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "io/file_bytes.hpp"
 
 namespace pointfair::io::las {
+namespace {
+
+// Whether the header's bounds are numbers and hold all points, up to what rounding the doubles costs.
+bool are_right(const Scaling& scaling, const GridBounds& bounds, std::string_view front) {
+  constexpr double kRounding = 1e-6;  // of a step
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const auto max = get<double>(front, place::bounds + 16 * axis),
+               min = get<double>(front, place::bounds + 16 * axis + 8);
+    const double slack = kRounding * scaling.scale[axis];
+    if (!std::isfinite(min) || !std::isfinite(max) || scaling.value(axis, bounds.max[axis]) > max + slack ||
+        scaling.value(axis, bounds.min[axis]) < min - slack)
+      return false;
+  }
+  return true;
+}
+
+// Takes the points that are gone off a number in the header. One that was wrong does not fall below 0.
+template <class T>
+void take_off(std::string& front, std::size_t at, std::uint64_t gone) {
+  const T before = get<T>(front, at);
+  put(front, at, static_cast<T>(before - std::min<std::uint64_t>(before, gone)));
+}
+
+}  // namespace
 
 std::string make_record(std::string_view user, unsigned id, std::string_view description, std::string_view data) {
   std::string record;
@@ -54,8 +79,8 @@ void Frame::put_record(std::string_view user, unsigned id, std::string_view desc
   if (data.size() > std::numeric_limits<std::uint16_t>::max())
     fail(name_, "the descriptions of its attributes no longer fit in one record; write another format");
   Piece made{std::string(user), id, make_record(user, id, description, data)};
-  const auto same = std::find_if(records_.begin(), records_.end(),
-                                 [&](const Piece& piece) { return piece.user == user && piece.id == id; });
+  const auto same =
+      std::ranges::find_if(records_, [&](const Piece& piece) { return piece.user == user && piece.id == id; });
   if (same == records_.end()) {
     records_.push_back(std::move(made));
   } else {
@@ -92,6 +117,25 @@ void Frame::place_tail(std::string& front, std::uint64_t tail_begin) const {
   if (header_.extended_begin == 0) return;
   put(front, place::extended_begin, extended_left_ == 0 ? 0 : moved(header_.extended_begin, tail_begin));
   put(front, place::extended_count, static_cast<std::uint32_t>(extended_left_));
+}
+
+void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front) {
+  const bool all = !are_right(scaling, before, front);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const std::size_t at = place::bounds + 16 * axis;
+    if (all || now.max[axis] != before.max[axis]) put(front, at, scaling.value(axis, now.max[axis]));
+    if (all || now.min[axis] != before.min[axis]) put(front, at + 8, scaling.value(axis, now.min[axis]));
+  }
+}
+
+void take_off_counts(const ReturnCounts& gone, std::uint64_t points, const Header& header, std::string& front) {
+  constexpr std::size_t kLegacyReturns = 5, kReturns = 15, kFullHeader = 375;
+  take_off<std::uint32_t>(front, place::legacy_count, points);
+  for (std::size_t r = 0; r < kLegacyReturns; ++r)
+    take_off<std::uint32_t>(front, place::legacy_returns + 4 * r, gone[r + 1]);
+  if (header.minor < 4 || header.size < kFullHeader) return;
+  take_off<std::uint64_t>(front, place::count, points);
+  for (std::size_t r = 0; r < kReturns; ++r) take_off<std::uint64_t>(front, place::returns + 8 * r, gone[r + 1]);
 }
 
 }  // namespace pointfair::io::las

@@ -1,13 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The bytes of a file around its points, as they are written again: all of them, but for records that are taken out or
-// put in, and for the places and numbers in the header that follow from that.
+// put in, and for what the header says: places and numbers that follow from that, the bounds of all points, their
+// number, and how many returns they are.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "io/las/grid.hpp"
 #include "io/las/header.hpp"
 
 namespace pointfair::io::las {
@@ -48,5 +51,16 @@ class Frame {
 
 /// A variable length record with its head.
 std::string make_record(std::string_view user, unsigned id, std::string_view description, std::string_view data);
+
+/// How many points have each return number.
+using ReturnCounts = std::array<std::uint64_t, 16>;
+
+/// A bound that is the same as before keeps its bytes in the header, with which `front` begins, unless the file had
+/// wrong ones: then all are written.
+void put_bounds(const Scaling& scaling, const GridBounds& before, const GridBounds& now, std::string& front);
+
+/// Takes points that are left out off the numbers in the header, with which `front` begins: `points` in all, `gone` of
+/// each return. A number that was wrong does not fall below 0.
+void take_off_counts(const ReturnCounts& gone, std::uint64_t points, const Header& header, std::string& front);
 
 }  // namespace pointfair::io::las

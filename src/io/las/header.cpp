@@ -131,7 +131,7 @@ class Parser {
 }  // namespace
 
 const Record* Header::find(std::string_view user, unsigned id) const {
-  const auto found = std::find_if(records.begin(), records.end(), [&](const Record& r) { return r.is(user, id); });
+  const auto found = std::ranges::find_if(records, [&](const Record& r) { return r.is(user, id); });
   return found == records.end() ? nullptr : &*found;
 }
 

@@ -130,8 +130,7 @@ void repeat_first(const Layer& layer, std::span<const Returns> returns, const Va
 }
 
 bool changes(const Layer& layer, std::span<const Returns> returns, const Values& of) {
-  if (layer.has<Times>())
-    return std::any_of(returns.begin(), returns.end(), [](Returns of_point) { return of_point.time_changed; });
+  if (layer.has<Times>()) return std::ranges::any_of(returns, [](Returns of_point) { return of_point.time_changed; });
   const std::size_t size = layer.bytes.end - layer.bytes.begin;
   const char *value = of.values, *const first = of.values;
   const bool is_colored = layer.has<Colors>() && !(std::equal(first, first + 4, first + 2));

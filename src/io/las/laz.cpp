@@ -45,8 +45,8 @@ bool is_known_version(const Item& item) {
 
 void check_items(const Compression& compression, const Header& header, const std::string& name) {
   const std::vector<Item> expected = usual_items(header.point_format, header.record_length);
-  const bool same = std::equal(compression.items.begin(), compression.items.end(), expected.begin(), expected.end(),
-                               [](const Item& a, const Item& b) { return a.type == b.type && a.size == b.size; });
+  const bool same = std::ranges::equal(
+      compression.items, expected, [](const Item& a, const Item& b) { return a.type == b.type && a.size == b.size; });
   if (!same) fail(name, "its points and its description of their compression do not agree; copy it again");
   for (const Item& item : compression.items) {
     if (!is_known_version(item))

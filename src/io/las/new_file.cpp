@@ -209,7 +209,7 @@ class NewFile {
   }
 
   const Mapping* find(std::string_view name) const {
-    const auto found = std::find_if(mappings_.begin(), mappings_.end(), [&](const Mapping& mapping) {
+    const auto found = std::ranges::find_if(mappings_, [&](const Mapping& mapping) {
       return mapping.column->name == name && mapping.offset < least_record_length(format_);
     });
     return found == mappings_.end() ? nullptr : &*found;

@@ -50,8 +50,7 @@ class Builder {
 
   std::vector<OctreeNode> build() {
     visit({}, 0, places_.size());
-    std::stable_sort(nodes_.begin(), nodes_.end(),
-                     [](const OctreeNode& a, const OctreeNode& b) { return a.level < b.level; });
+    std::ranges::stable_sort(nodes_, {}, &OctreeNode::level);
     return std::move(nodes_);
   }
 
@@ -62,7 +61,7 @@ class Builder {
     const std::size_t left = takes_all ? first : take_one_of_each_cell(node, first, last);
     if (takes_all)
       for (std::size_t i = first; i < last; ++i) node.points.push_back(places_[i].point);
-    std::sort(node.points.begin(), node.points.end());
+    std::ranges::sort(node.points);
     const OctreeNode parent{node.level, node.at, {}};
     nodes_.push_back(std::move(node));
     const int shift = 3 * (kLevels - 1 - parent.level);

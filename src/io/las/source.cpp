@@ -65,12 +65,10 @@ std::vector<Content> LasSource::contents() const {
   const auto is_system = [](const Record& record) { return record.user == "LASF_Projection"; };
   const auto& records = layout_.header.records;
   std::vector<Content> result;
-  if (std::any_of(records.begin(), records.end(), is_system))
+  if (std::ranges::any_of(records, is_system))
     result.push_back({ContentKind::coordinate_system, "the coordinate system"});
-  const auto others =
-      static_cast<std::uint64_t>(std::count_if(records.begin(), records.end(), [&](const Record& record) {
-        return !is_system(record) && !is_of_points(record);
-      }));
+  const auto others = static_cast<std::uint64_t>(std::ranges::count_if(
+      records, [&](const Record& record) { return !is_system(record) && !is_of_points(record); }));
   if (others > 0) result.push_back({ContentKind::records, counted(others, "further record") + " of the LAS file"});
   if (!companions().empty()) result.push_back({ContentKind::records, "the waveforms in the file beside it"});
   if (const std::string set = set_in_header(bytes()); !set.empty())
@@ -96,7 +94,7 @@ FileInfo LasSource::info() const {
   result.metres_per_height = system.metres_per_height;
   result.is_geographic = system.is_geographic;
   result.has_old_classes = header.point_format < 6;
-  result.step = *std::max_element(header.scaling.scale.begin(), header.scaling.scale.end());
+  result.step = *std::ranges::max_element(header.scaling.scale);
   result.rows = {{"version", "LAS 1." + std::to_string(header.minor) + (header.compressed ? ", compressed" : "")},
                  {"point_format", std::to_string(header.point_format)},
                  {"coordinate_system", system.name},

@@ -7,7 +7,6 @@
 #include "io/file_bytes.hpp"
 #include "io/las/frame.hpp"
 #include "io/las/source.hpp"
-#include "io/las/summary.hpp"
 #include "io/parallel.hpp"
 #include "io/record_source.hpp"
 

@@ -179,9 +179,8 @@ class Literals {
 };
 
 std::string type_text(const Field& field) {
-  const auto& [word, type] = *std::find_if(std::begin(kTypes), std::end(kTypes), [&](const auto& row) {
-    return row.second == field.type && row.first != kBool;
-  });
+  const auto& [word, type] =
+      *std::ranges::find_if(kTypes, [&](const auto& row) { return row.second == field.type && row.first != kBool; });
   const std::string order = size_of(type) == 1 ? "|" : field.big_endian ? ">" : "<";
   return "'" + order + std::string(word) + "'";
 }

@@ -70,17 +70,16 @@ class PtxSource final : public TextSource {
   FileInfo info() const override {
     FileInfo result;
     result.rows.push_back({"scans", std::to_string(scans_.size())});
-    result.rows.push_back({"poses", std::to_string(std::count_if(scans_.begin(), scans_.end(),
-                                                                 [](const Scan& scan) { return scan.has_place(); }))});
+    result.rows.push_back({"poses", std::to_string(std::ranges::count_if(scans_, &Scan::has_place))});
     return result;
   }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = TextSource::contents();
-    const bool has_place = std::any_of(scans_.begin(), scans_.end(), [](const Scan& scan) { return scan.has_place(); });
+    const bool has_place = std::ranges::any_of(scans_, &Scan::has_place);
     if (has_place) result.push_back({ContentKind::poses, "the poses of scans"});
     const bool has_grid =
-        std::any_of(scans_.begin(), scans_.end(), [](const Scan& scan) { return scan.columns > 1 && scan.rows > 1; });
+        std::ranges::any_of(scans_, [](const Scan& scan) { return scan.columns > 1 && scan.rows > 1; });
     if (has_grid) result.push_back({ContentKind::grid, "the columns and rows of scans"});
     return result;
   }

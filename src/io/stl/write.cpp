@@ -61,7 +61,7 @@ class FiniteFaceFinder final : public FaceVisitor {
   explicit FiniteFaceFinder(std::span<const Point> points) : points_(points) {}
 
   void take(std::span<const std::uint32_t> corners, std::span<const float>) override {
-    found = found || (corners.size() >= 3 && std::all_of(corners.begin(), corners.end(), [&](std::uint32_t corner) {
+    found = found || (corners.size() >= 3 && std::ranges::all_of(corners, [&](std::uint32_t corner) {
                         const Point& p = points_[corner];
                         return std::isfinite(p.x + p.y + p.z);
                       }));

@@ -3,9 +3,14 @@
 
 #include <signal.h>
 #include <unistd.h>
+#ifdef __APPLE__
+#include <sys/sysctl.h>
+#endif
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
+#include <fstream>
 
 namespace pointfair::platform {
 
@@ -29,6 +34,25 @@ bool is_alive(int) { return true; }
 #else
 
 bool is_alive(int process) { return ::kill(process, 0) == 0 || errno != ESRCH; }
+
+#endif
+
+#ifdef __APPLE__
+
+std::string processor_name() {
+  std::array<char, 256> name{};
+  std::size_t size = name.size() - 1;
+  return ::sysctlbyname("machdep.cpu.brand_string", name.data(), &size, nullptr, 0) == 0 ? name.data() : "CPU";
+}
+
+#else
+
+std::string processor_name() {
+  std::ifstream cpuinfo("/proc/cpuinfo");
+  for (std::string line; std::getline(cpuinfo, line);)
+    if (line.starts_with("model name")) return line.substr(std::min(line.size(), line.find(':') + 2));
+  return "CPU";
+}
 
 #endif
 

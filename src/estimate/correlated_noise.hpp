@@ -1,14 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Noise that more points share than a neighbourhood holds, by every second to every eighth point.
+// Noise that is not white: whether neighbours share theirs, and whether more points do than a neighbourhood holds.
 #pragma once
 
 #include <cstdint>
 #include <span>
 #include <stop_token>
 
+#include "estimate/nearest_rows.hpp"
 #include "seam/sampling.hpp"
 
 namespace pointfair {
+
+// Residuals that grow with the neighbourhood, and points that lie close together in rows, look as if neighbours shared
+// their noise. Whether the nearest points of samples differ less in height than points farther away do, and not by more
+// than noise of that standard deviation lets them, as on a bent shape. Asks for rows of the samples that are looked at
+// first.
+bool neighbors_share_noise(const NearestRows& nearest, double sigma);
 
 // Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
 // point as much as between neighbours, among which residuals in flat places grow by `growth` (endless: they are

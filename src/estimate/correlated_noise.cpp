@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "estimate/shared_noise.hpp"
+#include "estimate/correlated_noise.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,6 +11,8 @@
 #include "estimate/constants.hpp"
 #include "estimate/moments.hpp"
 #include "estimate/quantile.hpp"
+#include "estimate/residual_growth.hpp"
+#include "estimate/typical_noise.hpp"
 
 namespace pointfair {
 namespace {
@@ -51,11 +53,19 @@ void add_heights(std::span<const Point> row, Heights& heights) {
     if (squared > 0) others.emplace_back(squared - height * height, std::abs(height));
   }
   if (others.size() < kFarRanks[1]) return;
-  std::sort(others.begin(), others.end());
+  std::ranges::sort(others);
   for (std::size_t rank = 0; rank < kFarRanks[1]; ++rank) {
     if (rank < kNearRank) heights.near.push_back(others[rank].second);
     if (rank >= kFarRanks[0]) heights.far.push_back(others[rank].second);
   }
+}
+
+// In flat places, of neighbourhoods of 115 points; endless if there are none.
+double widest_residual(std::span<const point::ResidualSample> samples) {
+  std::vector<double> known;
+  for (const point::ResidualSample& sample : samples)
+    if (sample.widest >= 0) known.push_back(sample.widest);
+  return known.empty() ? kEndless : quantile(known, kLeastQuantile);
 }
 
 }  // namespace
@@ -69,6 +79,29 @@ bool neighbors_share_noise(const NearestRows& nearest, double sigma) {
   if (heights.near.empty()) return false;
   const double near = median(std::move(heights.near)), far = median(std::move(heights.far));
   return near < kNearOverFar * far && near < kMostDifference * sigma;
+}
+
+bool is_correlated_far(Sampling& from, std::span<const std::uint32_t> queries, double growth,
+                       const std::stop_token& stop) {
+  const std::span some = queries.first(std::min(queries.size(), kNoiseSamples));
+  double at_second = 0;  // residual over the spacing, of every second point
+  double at_fourth = 0;  // their growth
+  for (const int stride : {2, 4, 8}) {
+    const Samples thinned = from.take_samples_by({.stride = stride}, some, stop);
+    const Noise noise = noise_of(thinned.noise, false);
+    const std::vector<point::ResidualSample> residuals = thinned.residuals();
+    const Growth there = residual_growth(residuals);
+    const bool is_small = noise.sigma < kMostFarNoise * noise.surface_spacing;
+    if (stride < 8 && !(is_small && correlation(residuals) >= kMostlyCorrelated)) return false;
+    const bool slows = there.slowing() >= kFarSlowing[0] && there.slowing() <= kFarSlowing[1];
+    if (there.flat > growth + kMoreGrowth || (stride > 2 && !slows)) return false;
+    if (stride == 4) at_fourth = there.flat;
+    if (stride == 8 && there.flat > at_fourth) return false;
+    const double over_spacing = widest_residual(residuals) / noise.surface_spacing;
+    if (stride == 2) at_second = over_spacing;
+    if (stride == 8 && growth < kEndless && over_spacing > kMostOfSecond * at_second) return false;
+  }
+  return true;
 }
 
 }  // namespace pointfair
