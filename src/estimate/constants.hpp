@@ -136,8 +136,9 @@ inline constexpr double kSameDirection = 0.99985;                    // the cosi
 inline constexpr double kLevelGap = 2e-6;                            // extents; heights are not nearer; 075
 inline constexpr std::size_t kHeightsOfLevel = 8;                    // points, on average; 075
 inline constexpr std::size_t kSpans = 8;                             // spans of levels; 075
-inline constexpr double kWideningOfGaps = 1.1;  // ratio, from the nearest level to the farthest; 075
-inline constexpr double kStepsOfGap = 3;        // steps; points on two or three values are no sheets; 075
+inline constexpr double kWideningOfGaps = 1.1;     // ratio, from the nearest level to the farthest; 075
+inline constexpr double kStepsOfGap = 3;           // steps; points on two or three values are no sheets; 075
+inline constexpr double kNoiseOfDepthSteps = 0.5;  // steps; Khoshelham and Elberink 2012; 075
 
 // Neighbourhoods.
 inline constexpr double kNoiseRadius = 2.5;                      // sigmas; R of (18); quality
@@ -145,7 +146,6 @@ inline constexpr int kMinNeighbors = 16;                         // points; qual
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
-inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};  // of R, with little noise and with more; (20); 052, 143
 inline constexpr double kSeparableGap = 1.4, kApartFromNoise = 3;  // spacings and sigmas between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;        // of one sheet's points within the gap; sheets

@@ -68,25 +68,30 @@ Spacing spacing_of(const std::vector<point::SpacingSample>& samples) {
   return {std::accumulate(means.begin(), means.end(), 0.0) / double(means.size()), quantile(last, 0.95)};
 }
 
-// Points on one value of a coordinate fit a plane exactly, so their residuals are 0 however large the noise is.
-// Samples therefore get at least the noise that rounding adds, which spreads evenly over one step.
-double least_noise(double step) { return step / std::sqrt(12.0); }
+// What steps add to the noise, in steps. Rounding spreads evenly over one step. The depth of a camera that matches
+// patterns errs by half a step, of half a disparity (Khoshelham and Elberink 2012).
+double noise_of_steps(CoordinateSteps::Kind kind) {
+  return kind == CoordinateSteps::Kind::depth ? kNoiseOfDepthSteps : 1 / std::sqrt(12.0);
+}
 
+// Points on one value of a coordinate fit a plane exactly, so their residuals are 0 however large the noise is.
+// Samples therefore get at least the noise that the steps add.
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::NoiseSample>& samples) {
   for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
     if (!samples[i].shows_noise) continue;
-    samples[i].sigma = std::max(samples[i].sigma, least_noise(steps.at[i]));
+    const double added = noise_of_steps(steps.kind) * steps.at[i];
+    samples[i].sigma = std::max(samples[i].sigma, added);
     if (samples[i].gap < kStepsOfGap * steps.at[i]) samples[i].gap = 0;
   }
 }
 
 void cover_rounding(const CoordinateSteps& steps, std::vector<point::ResidualSample>& samples) {
   for (std::size_t i = 0; i < std::min(samples.size(), steps.at.size()); ++i) {
-    const double least = least_noise(steps.at[i]);
+    const double added = noise_of_steps(steps.kind) * steps.at[i];
     for (double* residual : {&samples[i].least, &samples[i].narrow, &samples[i].wide, &samples[i].widest})
-      if (*residual >= 0) *residual = std::max(*residual, least);
+      if (*residual >= 0) *residual = std::max(*residual, added);
     for (double& variance : samples[i].planes.variance)
-      if (variance >= 0) variance = std::max(variance, least * least);
+      if (variance >= 0) variance = std::max(variance, added * added);
   }
 }
 
