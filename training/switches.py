@@ -36,7 +36,7 @@ SWITCHES = {
     "repeats": {"kEvenDistances": OFF}, "rows that share an error": {"kRowShare": NEVER}, "hidden surface": {"kMessyNoise": NEVER},
     "quiet places": {"kQuietNoise": OFF}, "growth of volumes": {"kGrowthOfVolume": OFF}, "further points agree": {"kFurtherShare": OFF},
     "planes meet": {"kSameSurface": NEVER}, "regular grids": {"kRegularShare": NEVER}, "gaps of depth widen": {"kWideningOfGaps": OFF},
-    "bound by the flattest": {"kHiddenFromFew": 0}, "far correlation": {"kMostFarNoise": OFF},
+    "wider for depths": {"kDepthWidening": 1}, "bound by the flattest": {"kHiddenFromFew": 0}, "far correlation": {"kMostFarNoise": OFF},
     "dense noise": {"kDenseNoise": NEVER}, "share of the spacing": {"kMostOfSecond": NEVER}, "growth goes on": {"kFarSlowing0": -NEVER},
     "growth slows": {"kFarSlowing1": NEVER}, "growth by scale": {"kMoreGrowth": NEVER}, "triangulation": {"kLeastStepRange": NEVER},
     "rows of small clouds": {"kLeastMeasurements": 1},

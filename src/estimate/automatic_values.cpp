@@ -64,6 +64,7 @@ MethodDefaults defaults_of(Method method) {
 double radius_factor(const Noise& noise, double spacing) {
   const double level = level_of(noise, spacing);
   if (!(level > 0) || noise.gap > 0) return 1;
+  if (noise.depth_has_steps) return kDepthWidening;
   const double room = portable::pow(kRoominess, share_between(kRoomyNoise, level));
   return portable::pow(room * portable::pow(kConfinement, noise.confined), 1 - share_between(kUnseenNoise, level));
 }

@@ -146,6 +146,7 @@ inline constexpr int kMinNeighbors = 16;                         // points; qual
 inline constexpr double kRoominess = 1.15, kConfinement = 0.67;  // of R; (18); 052
 inline constexpr double kRoomyNoise[] = {0.5, 0.85};             // spacings; (18); 052
 inline constexpr double kUnseenNoise[] = {3.6, 4.4};             // spacings; (18); 052
+inline constexpr double kDepthWidening = 3;                      // of R: a matcher's windows are nine pixels wide; 075
 inline constexpr double kFlatPercent[] = {130, 160};  // of R, with little noise and with more; (20); 052, 143
 inline constexpr double kSeparableGap = 1.4, kApartFromNoise = 3;  // spacings and sigmas between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;        // of one sheet's points within the gap; sheets
