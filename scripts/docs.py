@@ -32,10 +32,10 @@ def make_tools(wheel):
 
 
 def run(*command):
-    """The command's last lines where it fails or warns."""
+    """The command's last lines where it fails or warns. Doxygen ends with 0 after some errors, too."""
     done = subprocess.run([str(word) for word in command], cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                           env={**os.environ, "NO_MKDOCS_2_WARNING": "1"})
-    warnings = [line for line in done.stdout.splitlines() if "warning" in line.lower()]
+    warnings = [line for line in done.stdout.splitlines() if "warning" in line.lower() or line.startswith("error:")]
     if done.returncode != 0 or warnings:
         sys.exit("\n".join(warnings or done.stdout.splitlines()[-20:]))
 
