@@ -194,6 +194,16 @@ def depth_image(width=48, height=36, seed=11):
     return points
 
 
+def stepped_frame(side=60, slope=0.006, steps=400):
+    """The frame of a camera that measures whole disparities: a wall that recedes."""
+    points = []
+    for v in range(side):
+        for u in range(side):
+            z = steps / math.floor(steps / (1 + slope * u) + 0.5)
+            points.append([0.004 * (u - side / 2) * z, 0.004 * (v - side / 2) * z, z])
+    return points
+
+
 def matched_frame(width=120, height=96, tile=24, seed=24):
     """The frame of a camera that matches images: twenty slanted tiles at 1 to 3 m, noise of disparities shared in windows."""
     random, reach = Random(seed), 4
@@ -312,6 +322,7 @@ CLOUDS = {
     "sweep.pcd": lambda: organised(sweep(), 120),
     "profiles.ply": lambda: ply(profiles()),
     "depth_image.pcd": lambda: organised(depth_image(), 48),
+    "stepped_frame.ply": lambda: ply(stepped_frame()),
     "matched_frame.ply": lambda: ply(matched_frame()),
     "two_walls.ply": lambda: ply(two_walls()),
     "windows.ply": lambda: ply(windows()),
