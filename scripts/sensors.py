@@ -28,7 +28,7 @@ except ImportError as error:
 FOLDER = ROOT / "docs/pictures/sensors"
 # name: family, seed, degrees from the sensor's own view (to the side, up), zoom
 SCANS = {
-    "terrestrial": ("terrestrial", 1, (10, 10), 2.2),
+    "terrestrial": ("terrestrial", 4, (10, 10), 1.6),
     "street": ("terrestrial_street", 3, (20, 15), 1.3),
     "vehicle": ("spinning_accumulated", 1, (20, 25), 4),
     "structured_light": ("structured_light", 2, (10, 0), 1.3),
