@@ -39,7 +39,7 @@ SWITCHES = {
     "wider for depths": {"kDepthWidening": 1}, "bound by the flattest": {"kHiddenFromFew": 0}, "far correlation": {"kMostFarNoise": OFF},
     "dense noise": {"kDenseNoise": NEVER}, "share of the spacing": {"kMostOfSecond": NEVER}, "growth goes on": {"kFarSlowing0": -NEVER},
     "growth slows": {"kFarSlowing1": NEVER}, "growth by scale": {"kMoreGrowth": NEVER}, "triangulation": {"kLeastStepRange": NEVER},
-    "rows of small clouds": {"kLeastMeasurements": 1},
+    "pixels": {"kMostUneven": NEVER}, "rows of small clouds": {"kLeastMeasurements": 1},
     "two sheets": {"kSheetShare": NEVER}, "similarity of sheets": {"kSheetSimilarity": NEVER}, "least quantile": {"kMostOverLeast": NEVER},
     "room": {"kRoominess": 1}, "confinement": {"kConfinement": 1}, "flat scale": {"kFlatPercent0": 100, "kFlatPercent1": 100},
     "levels": {"kLargestLevel": 1}, "shrinking": {"kChanceOfLevels": OFF}, "cut off": {"kWideAgainstResiduals": OFF},

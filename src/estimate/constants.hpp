@@ -101,6 +101,7 @@ inline constexpr std::uint64_t kLeastMeasurements = 256;  // of a cloud, of seve
 
 // Noise that grows with the square of the distance, as the steps between pixels show it.
 inline constexpr std::size_t kStepGroups = 8;            // of samples; 076
+inline constexpr double kMostUneven = 1.55;              // second nearest over nearest; chance is 3.2; 076
 inline constexpr double kLeastStepRange = 0.5;           // of the logarithms of steps; 076
 inline constexpr double kSquareOfSteps[] = {1.4, 2.85};  // powers of the step; 076
 inline constexpr double kMostSpreadOfSquare = 0.85;      // of residuals over squared steps, of that of residuals; 076

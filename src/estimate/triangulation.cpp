@@ -19,18 +19,40 @@ struct Pair {
   double step, residual;
 };
 
-// Where a surface is slanted, only the nearest points are one step of the rays away.
-std::vector<Pair> pairs_of(std::span<const point::ResidualSample> samples, const NearestRows& nearest) {
-  constexpr std::size_t kRow = kStepNeighbors + 1, kSecond = 2;
+// From samples to their nearest others, one after the other; 0 where there are none.
+struct Steps {
+  double first = 0, second = 0;
+};
+
+std::vector<Steps> steps_of(const NearestRows& nearest) {
+  constexpr std::size_t kRow = kStepNeighbors + 1;
   const std::vector<Point>& heads = nearest.heads();
-  std::vector<Pair> pairs;
-  for (std::size_t i = 0; i < std::min(samples.size(), heads.size() / kRow); ++i) {
-    const Point &here = heads[i * kRow], &second = heads[i * kRow + kSecond];
-    const double step =
-        portable::hypot(double{here.x} - second.x, double{here.y} - second.y, double{here.z} - second.z);
-    if (step > 0 && std::isfinite(step) && samples[i].narrow > 0)
-      pairs.push_back({portable::log(step), portable::log(samples[i].narrow)});
+  std::vector<Steps> steps;
+  for (std::size_t i = 0; i + kRow <= heads.size(); i += kRow) {
+    const auto distance = [&](const Point& there) {
+      const Point& here = heads[i];
+      const double far = portable::hypot(double{here.x} - there.x, double{here.y} - there.y, double{here.z} - there.z);
+      return std::isfinite(far) ? far : 0;
+    };
+    steps.push_back({distance(heads[i + 1]), distance(heads[i + 2])});
   }
+  return steps;
+}
+
+// Whether points lie on a grid of pixels: the two nearest are on both sides, equally far. By chance they are not.
+bool are_pixels(const std::vector<Steps>& steps) {
+  std::vector<double> ratios;
+  for (const Steps& of : steps)
+    if (of.second > 0) ratios.push_back(of.first > 0 ? of.second / of.first : kEndless);
+  return !ratios.empty() && quantile(ratios, 0.9) < kMostUneven;
+}
+
+// Where a surface is slanted, only the nearest points are one step of the rays away.
+std::vector<Pair> pairs_of(std::span<const point::ResidualSample> samples, const std::vector<Steps>& steps) {
+  std::vector<Pair> pairs;
+  for (std::size_t i = 0; i < std::min(samples.size(), steps.size()); ++i)
+    if (steps[i].second > 0 && samples[i].narrow > 0)
+      pairs.push_back({portable::log(steps[i].second), portable::log(samples[i].narrow)});
   return pairs;
 }
 
@@ -64,8 +86,9 @@ double slope(std::vector<Pair> pairs) {
 }  // namespace
 
 bool errs_by_triangulation(std::span<const point::ResidualSample> samples, const NearestRows& nearest) {
-  const std::vector<Pair> pairs = pairs_of(samples, nearest);
-  if (pairs.size() < kLeastSamples) return false;
+  const std::vector<Steps> nearest_steps = steps_of(nearest);
+  const std::vector<Pair> pairs = pairs_of(samples, nearest_steps);
+  if (pairs.size() < kLeastSamples || !are_pixels(nearest_steps)) return false;
   std::vector<double> steps;
   for (const Pair& pair : pairs) steps.push_back(pair.step);
   if (quantile(steps, 0.9) - quantile(steps, 0.1) < kLeastStepRange) return false;
