@@ -2,6 +2,7 @@
 // What a cloud's file says beside its points.
 #pragma once
 
+#include <cmath>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -31,7 +32,7 @@ struct FileInfo {
 
   /// Whether heights have another unit than X and Y, as far as the file says both.
   bool has_two_units() const {
-    constexpr double kSame = 1e-5;  // feet of surveys and others differ by 2e-6, which no height shows
+    constexpr double kSame = 1e-5;  // the two kinds of feet differ by 2e-6, which no height shows
     return metres_per_unit && metres_per_height && std::abs(*metres_per_height / *metres_per_unit - 1) > kSame;
   }
 };

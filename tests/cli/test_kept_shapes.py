@@ -11,6 +11,8 @@ import unittest
 from program import Case, positions, read_ply
 from test_tiled import write_binary
 
+WOOD = pathlib.Path(os.environ.get("POINTFAIR_DATA", "")) / "scans/terrain_utm.pcd"
+
 
 def rms(values):
     values = list(values)
@@ -153,10 +155,9 @@ class KeptShapes(Case):
             before, after = rms(map(off, points)), rms(map(off, self.denoised(points)))
             self.assertLess(after, most * before, (side, slope, steps))
 
-    @unittest.skipUnless("POINTFAIR_DATA" in os.environ, "no scans")
+    @unittest.skipUnless(WOOD.exists(), "no such scan")
     def test_a_wood_from_the_air_is_no_frame_of_a_camera(self):
         """Its crowns are the rougher the sparser they are, as a camera's noise is."""
-        scan = pathlib.Path(os.environ["POINTFAIR_DATA"]) / "scans/terrain_utm.pcd"
-        self.ok("run", scan, self.path("out.pcd"), "-q", "--report", self.path("out.json"))
+        self.ok("run", WOOD, self.path("out.pcd"), "-q", "--report", self.path("out.json"))
         report = json.loads(pathlib.Path(self.path("out.json")).read_text())
         self.assertLess(report["noise"]["before"], .5 * report["spacing"])
