@@ -5,6 +5,7 @@
 #include <tbb/parallel_sort.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <bit>
 #include <cmath>
@@ -42,9 +43,44 @@ bool comes_before(std::span<const Point> points, const Entry& a, const Entry& b)
   return std::tie(p.x, p.y, p.z, a.point) < std::tie(q.x, q.y, q.z, b.point);
 }
 
+// Cells are hashes, so their first bits deal entries out to buckets of some hundreds, each of which is sorted: all of
+// it at once by many threads, where a sort of the whole begins with serial passes.
 void sort_by_cells(std::span<const Point> points, std::vector<Entry>& entries) {
-  tbb::parallel_sort(entries.begin(), entries.end(), [points](const Entry& a, const Entry& b) {
+  constexpr std::size_t kOfBucket = 256, kMany = 4096, kMostBits = 12, kParts = 32;
+  const auto less = [points](const Entry& a, const Entry& b) {
     return a.cell != b.cell ? a.cell < b.cell : comes_before(points, a, b);
+  };
+  const std::size_t bits = std::min(std::size_t(std::bit_width(entries.size() / kOfBucket)), kMostBits);
+  const std::size_t buckets = std::size_t(1) << bits;
+  const auto bucket_of = [bits](const Entry& e) { return bits > 0 ? std::size_t(e.cell >> (64 - bits)) : 0; };
+  const auto for_part = [&entries](std::size_t part, const auto& visit) {
+    const std::size_t end = (part + 1) * entries.size() / kParts;
+    for (std::size_t e = part * entries.size() / kParts; e < end; ++e) visit(entries[e]);
+  };
+  std::vector<std::uint32_t> place(kParts * buckets);  // of each part's next entry in each bucket
+  tbb::parallel_for(std::size_t(0), kParts, [&](std::size_t part) {
+    for_part(part, [&](const Entry& e) { ++place[part * buckets + bucket_of(e)]; });
+  });
+  std::vector<std::uint32_t> begins{0};
+  for (std::size_t bucket = 0; bucket < buckets; ++bucket) {
+    std::uint32_t next = begins.back();
+    for (std::size_t part = 0; part < kParts; ++part) {
+      std::uint32_t& its = place[part * buckets + bucket];
+      next += std::exchange(its, next);
+    }
+    begins.push_back(next);
+  }
+  std::vector<Entry> dealt(entries.size());
+  tbb::parallel_for(std::size_t(0), kParts, [&](std::size_t part) {
+    for_part(part, [&](const Entry& e) { dealt[place[part * buckets + bucket_of(e)]++] = e; });
+  });
+  entries.swap(dealt);
+  tbb::parallel_for(std::size_t(0), buckets, [&](std::size_t bucket) {
+    const auto first = entries.begin() + begins[bucket], end = entries.begin() + begins[bucket + 1];
+    if (std::size_t(end - first) > kMany)  // many at one place
+      tbb::parallel_sort(first, end, less);
+    else
+      std::sort(first, end, less);
   });
 }
 
@@ -176,6 +212,28 @@ class Neighborhood {
   std::vector<std::uint32_t> table_;
 };
 
+// The points that follow another one, ascending. Those in the region `sure` and their firsts there are sure.
+std::vector<Copy> all_that_follow(std::span<const Point> points, const std::vector<std::uint32_t>& before,
+                                  const point::Region& sure) {
+  constexpr std::size_t kParts = 32;
+  std::array<std::vector<Copy>, kParts> of_part;
+  tbb::parallel_for(std::size_t(0), kParts, [&](std::size_t part) {
+    const auto end = std::uint32_t((part + 1) * points.size() / kParts);
+    for (auto i = std::uint32_t(part * points.size() / kParts); i < end; ++i) {
+      if (before[i] == i) continue;
+      Copy copy{i, i, points[i], point::is_inside(sure, to_vec3(points[i]))};
+      while (before[copy.first] != copy.first) {
+        copy.first = before[copy.first];
+        copy.is_sure = copy.is_sure && point::is_inside(sure, to_vec3(points[copy.first]));
+      }
+      of_part[part].push_back(copy);
+    }
+  });
+  std::vector<Copy> copies;
+  for (const std::vector<Copy>& its : of_part) copies.insert(copies.end(), its.begin(), its.end());
+  return copies;
+}
+
 // Null: none.
 const Copy* find(std::span<const Copy> copies, std::uint32_t point) {
   const auto found = std::ranges::lower_bound(copies, point, {}, &Copy::point);
@@ -212,18 +270,7 @@ std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& ru
       before[firsts[e].point] = firsts[near.first_around(std::uint32_t(e))].point;
     });
   }
-  const point::Region sure = without_border(loaded, rule);
-  std::vector<Copy> copies;
-  for (std::uint32_t i = 0; i < points.size(); ++i) {
-    if (before[i] == i) continue;
-    Copy copy{i, i, points[i], point::is_inside(sure, to_vec3(points[i]))};
-    while (before[copy.first] != copy.first) {
-      copy.first = before[copy.first];
-      copy.is_sure = copy.is_sure && point::is_inside(sure, to_vec3(points[copy.first]));
-    }
-    copies.push_back(copy);
-  }
-  return copies;
+  return all_that_follow(points, before, without_border(loaded, rule));
 }
 
 std::vector<Copy> copies_at_one_place(std::span<const Point> points, std::span<const std::uint32_t> known) {

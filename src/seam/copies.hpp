@@ -31,7 +31,7 @@ point::Region without_border(point::Region region, const CopyRule& rule);
 
 // All copies among the valid points, ascending; `loaded` has all points of the cloud in it. Of the points in a cube of
 // half the distance, which are all within it of each other, the first stands for the others; of such firsts, each
-// follows the first of those within the distance, which may follow another one. O(N log N), 20 bytes a point and 24 a
+// follows the first of those within the distance, which may follow another one. O(N log N), 36 bytes a point and 48 a
 // copy.
 // Throws Error(interrupted) once `stop` is triggered.
 std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& rule, const point::Region& loaded,
