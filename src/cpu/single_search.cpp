@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <numeric>
 
 namespace pointfair::cpu {
 
@@ -21,7 +22,7 @@ void SingleSearch::find(const IndexView& index, Index at, int k, float squared_l
     node /= kLeafSize;
   }
   keep_nearest();
-  std::ranges::sort(found_);
+  sort_found();
   order_ties();
   for (std::size_t slot = 0; slot < k_; ++slot)
     out[slot] = slot < found_.size() ? point::key_index(found_[slot]) : point::kNoNeighbor;
@@ -93,16 +94,59 @@ void SingleSearch::visit_leaf(Index leaf) {
   if (found_.size() >= 2 * k_) keep_nearest();
 }
 
+void SingleSearch::count_in_buckets() {
+  Key least = found_.front(), most = least;
+  for (const Key key : found_) {
+    least = std::min(least, key);
+    most = std::max(most, key);
+  }
+  nearest_ = distance_bits(least);
+  shift_ = std::max(0, int(std::bit_width(distance_bits(most) - nearest_)) - int(std::bit_width(kBuckets - 1)));
+  before_.fill(0);
+  for (const Key key : found_) ++before_[bucket_of(key) + 1];
+  std::partial_sum(before_.begin(), before_.end(), before_.begin());
+}
+
 // Keys order by distance and then by index, which is faster to compare and differs where distances tie.
 void SingleSearch::keep_nearest() {
   if (found_.size() <= k_) return;
-  const auto kth = found_.begin() + std::ptrdiff_t(k_) - 1;
-  std::nth_element(found_.begin(), kth, found_.end());
+  count_in_buckets();
+  const std::size_t bucket = std::size_t(std::ranges::lower_bound(before_, k_) - before_.begin()) - 1;  // of the k-th
+  std::size_t nearer = 0, as_near = 0;
+  space_.resize(found_.size());
+  for (const Key key : found_) {
+    const std::size_t its = bucket_of(key);
+    found_[nearer] = space_[as_near] = key;
+    nearer += its < bucket;
+    as_near += its == bucket;
+  }
+  const auto first = space_.begin(), kth = first + std::ptrdiff_t(k_ - nearer) - 1,
+             end = first + std::ptrdiff_t(as_near);
+  std::nth_element(first, kth, end);
   const auto as_far = [distance = distance_bits(*kth)](Key key) { return distance_bits(key) == distance; };
-  if (std::ranges::count_if(found_, as_far) > 1)
-    std::nth_element(found_.begin(), kth, found_.end(), [this](Key a, Key b) { return precedes(a, b); });
+  if (std::count_if(first, end, as_far) > 1)
+    std::nth_element(first, kth, end, [this](Key a, Key b) { return precedes(a, b); });
+  last_ = *kth;
+  std::copy(first, kth + 1, found_.begin() + std::ptrdiff_t(nearer));
   found_.resize(k_);
-  last_ = found_.back();
+}
+
+void SingleSearch::sort_found() {
+  constexpr std::size_t kFew = 64;
+  if (found_.size() < kFew) {
+    std::ranges::sort(found_);
+    return;
+  }
+  count_in_buckets();
+  space_.resize(found_.size());
+  for (const Key key : found_)
+    space_[before_[bucket_of(key)]++] = key;  // ends of buckets, that is the next ones' begins
+  for (std::size_t first = 0, bucket = 0; first < space_.size(); ++bucket) {
+    const std::size_t end = before_[bucket];
+    if (end - first > 1) std::sort(space_.begin() + std::ptrdiff_t(first), space_.begin() + std::ptrdiff_t(end));
+    first = end;
+  }
+  found_.swap(space_);
 }
 
 // Of keys that are sorted as numbers.
