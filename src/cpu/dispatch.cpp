@@ -94,3 +94,9 @@ const NetKernels& best_net_kernels() {
 }
 
 }  // namespace pointfair::cpu
+
+namespace pointfair {
+
+const SampleFits& sample_fits() { return cpu::best_kernels().fits; }
+
+}  // namespace pointfair

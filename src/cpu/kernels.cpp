@@ -8,6 +8,7 @@
 #include "cpu/hilbert.h"
 #include "cpu/method_loops.h"
 #include "cpu/pack.h"
+#include "cpu/sample_fits.h"
 #include "cpu/search.h"
 #include "cpu/search_alone.h"
 #include "cpu/search_there.h"
@@ -25,24 +26,27 @@ static void nearest(const IndexView& index, Index leaf, int k, float squared_lim
 }
 
 extern const Kernels kKernels;
-const Kernels kKernels = {POINTFAIR_ISA_LABEL,
-                          hilbert_keys,
-                          curve_keys,
-                          nearest,
-                          nearest_distances,
-                          listed_distances,
-                          grow,
-                          squared_levels,
-                          squared_radii,
-                          mean_distances,
-                          normals,
-                          filter_normals,
-                          fair,
-                          displacements,
-                          move,
-                          survey,
-                          nearest_there,
-                          child_gaps,
-                          leaf_distances};
+const Kernels kKernels = {
+    POINTFAIR_ISA_LABEL,
+    hilbert_keys,
+    curve_keys,
+    nearest,
+    nearest_distances,
+    listed_distances,
+    grow,
+    squared_levels,
+    squared_radii,
+    mean_distances,
+    normals,
+    filter_normals,
+    fair,
+    displacements,
+    move,
+    survey,
+    nearest_there,
+    child_gaps,
+    leaf_distances,
+    {noise_of_rounds<point::kFirstRow, 0, point::kFirstRounds>,
+     noise_of_rounds<point::kLastRow, point::kFirstRounds, point::kRounds>, residuals_of, beyond_two_sigmas}};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -14,6 +14,7 @@
 #include "point/node_field.h"
 #include "point/sensor.h"
 #include "point/stages.h"
+#include "seam/sample_fits.hpp"
 
 namespace pointfair::cpu {
 
@@ -181,6 +182,7 @@ struct Kernels {
   // leaf; bit i of the result is set if number i exists and is at most `limit`.
   unsigned (*child_gaps)(const BoxGroup&, point::Vec3<float> place, float limit, float* gaps);
   unsigned (*leaf_distances)(const IndexView&, Index leaf, point::Vec3<float> place, float limit, float* squared);
+  SampleFits fits;
 };
 
 // Of the net, for the points from `first` to before `last`.

@@ -93,8 +93,8 @@ struct RowTaken {
 
 // Takes the offsets of a row of kMost. Points at one place follow each other, and all but the first are left out: a
 // point that a cloud holds twice is no second measurement.
-template <class Team, int kMost, class P>
-POINTFAIR_INLINE RowTaken take_row(Team team, FitSpace<kMost>& space, const P* row) {
+template <class Team, int kMost, class Row>
+POINTFAIR_INLINE RowTaken take_row(Team team, FitSpace<kMost>& space, Row row) {
   team.for_each(kMost, [&space, row](int i) {
     const Offset o = offset_between(row[0], row[i + 1]);
     space.x[i] = o.x;

@@ -9,49 +9,11 @@
 #include <limits>
 #include <memory>
 
+#include "seam/sample_fits.hpp"
 #include "seam/stop.hpp"
 
 namespace pointfair {
 namespace {
-
-// A thread that works for all lanes of a team: loops over strides, which the compiler turns into vectors without
-// changing the order of any sum.
-struct OneThread {
-  template <class Body>
-  void for_each(int count, const Body& body) const {
-    for (int i = 0; i < count; ++i) body(i);
-  }
-
-  template <int N>
-  class Sums {
-   public:
-    explicit Sums(OneThread) {}
-    template <class TermsOf>
-    void add(int first, int end, const TermsOf& terms_of) {
-      for (int i = first; i < end;) {
-        const int stride = i % point::kStrides, strides = std::min(point::kStrides - stride, end - i);
-        for (int s = 0; s < strides; ++s) {
-          const point::Terms<N> terms = terms_of(i + s);
-          point::for_constants<N>([&](auto n) { partial_[n.value][stride + s] += terms.of[n.value]; });
-        }
-        i += strides;
-      }
-    }
-    point::Terms<N> total() const {
-      point::Terms<N> total;
-      for (int n = 0; n < N; ++n) {
-        std::array<double, point::kStrides> sums = partial_[n];
-        for (int half = point::kStrides / 2; half > 0; half /= 2)
-          for (int s = 0; s < half; ++s) sums[s] += sums[s + half];
-        total.of[n] = sums[0];
-      }
-      return total;
-    }
-
-   private:
-    std::array<std::array<double, point::kStrides>, N> partial_{};
-  };
-};
 
 // The rows of `queries`, one after the other: each of them and every `stride`-th of its nearest, k of these. Megabytes,
 // all written at once.
@@ -91,26 +53,6 @@ NearRows near_rows(const Point* rows, std::size_t count, std::size_t row) {
   return near;
 }
 
-// By the neighbourhoods of some rounds, in a row of kMost.
-template <int kMost>
-point::NoiseSample grown(const Point* row, bool sheets, int first_round, int end_round) {
-  point::FitSpace<kMost> space;
-  const point::RowTaken taken = take_row(OneThread{}, space, row);
-  point::GrowingNeighborhood neighborhood(OneThread{}, space, sheets);
-  return point::noise_sample(first_round, end_round,
-                             [&](int round) { return look_at(neighborhood, taken, point::points_of(round), false); });
-}
-
-point::ResidualSample residuals_of(const Point* row, bool sheets) {
-  point::FitSpace<point::kFirstRow> space;
-  const point::RowTaken taken = take_row(OneThread{}, space, row);
-  point::GrowingNeighborhood neighborhood(OneThread{}, space, sheets);
-  const auto look = [&](int points) { return look_at(neighborhood, taken, points, true); };
-  const point::Look least = look(point::kLeastFit), narrow = look(point::kFirstFit), wide = look(2 * point::kFirstFit);
-  const point::Look widest = look(point::kFirstRow);
-  return residual_sample(least, narrow, wide, widest, plane_sample(OneThread{}, space, taken.there));
-}
-
 }  // namespace
 
 void Sampling::for_each_on_host(std::size_t count, const std::function<void(std::size_t)>& body) {
@@ -134,17 +76,18 @@ Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t
   Samples samples;
   samples.noise.resize(for_noise.size());
 
+  const SampleFits& fits = sample_fits();
   const auto first_rows = rows_of(*this, for_noise, kFirstRow, rule.stride, stop);
   if (rule.stride == 1) samples.near = near_rows(first_rows.get(), for_noise.size(), kFirstRow + 1);
   for_each_on_host(for_noise.size(), [&](std::size_t q) {
     throw_if_stopped(stop);
-    samples.noise[q] = grown<kFirstRow>(first_rows.get() + q * (kFirstRow + 1), rule.sheets, 0, kFirstRounds);
+    samples.noise[q] = fits.first_rounds(&first_rows[q * (kFirstRow + 1)].x, rule.sheets);
   });
-  samples.residuals = [this, first_rows, rule, stop, count = for_noise.size()] {
+  samples.residuals = [this, &fits, first_rows, rule, stop, count = for_noise.size()] {
     std::vector<ResidualSample> residuals(count);
     for_each_on_host(count, [&](std::size_t q) {
       throw_if_stopped(stop);
-      residuals[q] = residuals_of(first_rows.get() + q * (kFirstRow + 1), rule.sheets);
+      residuals[q] = fits.residuals(&first_rows[q * (kFirstRow + 1)].x, rule.sheets);
     });
     return residuals;
   };
@@ -159,8 +102,7 @@ Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t
   const auto last_rows = rows_of(*this, queries, kLastRow, rule.stride, stop);
   for_each_on_host(queries.size(), [&](std::size_t n) {
     throw_if_stopped(stop);
-    samples.noise[short_ones[n]] =
-        grown<kLastRow>(last_rows.get() + n * (kLastRow + 1), rule.sheets, kFirstRounds, kRounds);
+    samples.noise[short_ones[n]] = fits.last_rounds(&last_rows[n * (kLastRow + 1)].x, rule.sheets);
   });
   return samples;
 }
@@ -168,20 +110,11 @@ Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t
 std::vector<double> Sampling::beyond_two(std::span<const std::uint32_t> queries, std::span<const double> sigmas,
                                          const std::stop_token& stop) {
   using namespace point;
-  constexpr double kWithin = 7;  // sigmas; a narrower sphere cuts the farthest heights off
-  std::vector<double> shares(queries.size(), -1);
+  std::vector<double> shares(queries.size());
   const auto rows = rows_of(*this, queries, kLastRow, 1, stop);
   for_each_on_host(queries.size(), [&](std::size_t q) {
     throw_if_stopped(stop);
-    FitSpace<kLastRow> space;
-    const int there = take_row(OneThread{}, space, rows.get() + q * (kLastRow + 1)).there;
-    int count = std::min(there, kFirstRow);
-    while (count < there && length(space.offset(count)) <= kWithin * sigmas[q]) ++count;
-    GrowingNeighborhood neighborhood(OneThread{}, space, false);
-    neighborhood.grow_to(count);
-    if (!neighborhood.shows_a_surface() || neighborhood.gap() > 0) return;
-    neighborhood.noise();
-    shares[q] = neighborhood.beyond_two();
+    shares[q] = sample_fits().beyond_two(&rows[q * (kLastRow + 1)].x, sigmas[q]);
   });
   return shares;
 }
