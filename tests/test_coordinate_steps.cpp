@@ -52,7 +52,8 @@ CoordinateSteps steps_of(const Points& points) {
   const ForEach one_after_the_other = [](std::size_t count, const std::function<void(std::size_t)>& body) {
     for (std::size_t i = 0; i < count; ++i) body(i);
   };
-  return coordinate_steps(steps_in_heads(nearest.heads(), nearest.samples(), one_after_the_other), nearest);
+  return coordinate_steps(steps_in_heads(nearest.heads(), nearest.samples(), one_after_the_other), nearest,
+                          one_after_the_other);
 }
 
 // What a depth camera sees of a wall that leans away from it: disparities in whole steps, so that depths z lie

@@ -24,9 +24,8 @@ static_assert(kRow <= point::kHeadRow);
 
 double coordinate(const Point& p, int axis) { return axis == 0 ? p.x : axis == 1 ? p.y : p.z; }
 
-// The values without those that lie within `apart` behind another one, in order.
-std::vector<double> distinct(std::vector<double> values, double apart) {
-  std::ranges::sort(values);
+// The sorted values without those that lie within `apart` behind another one.
+std::vector<double> distinct_of_sorted(const std::vector<double>& values, double apart) {
   std::vector<double> result;
   double last = 0;
   for (const double value : values) {
@@ -34,6 +33,25 @@ std::vector<double> distinct(std::vector<double> values, double apart) {
     last = value;
   }
   return result;
+}
+
+std::vector<double> distinct(std::vector<double> values, double apart) {
+  std::ranges::sort(values);
+  return distinct_of_sorted(values, apart);
+}
+
+// In parts, which are merged two by two.
+void sort_many(std::vector<double>& values, const ForEach& for_each) {
+  constexpr std::size_t kParts = 16;
+  const auto part = [&](std::size_t p) {
+    return values.begin() + std::ptrdiff_t(std::min(p, kParts) * values.size() / kParts);
+  };
+  for_each(kParts, [&](std::size_t p) { std::sort(part(p), part(p + 1)); });
+  for (std::size_t size = 1; size < kParts; size *= 2)
+    for_each(kParts / (2 * size), [&](std::size_t pair) {
+      const std::size_t p = 2 * size * pair;
+      std::inplace_merge(part(p), part(p + size), part(p + 2 * size));
+    });
 }
 
 double extent_of(std::span<const Point> points) {
@@ -90,10 +108,12 @@ double step_of_grid(std::span<const Point> rows, double rounding) {
 // neighbours share them; 0 where there is none.
 double step_or_gap(std::span<const Point> rows, int axis, double rounding) {
   if (const double step = grid_step(rows, axis, rounding); step > 0) return step;
-  std::vector<double> levels;
-  for (const Point& p : rows) levels.push_back(coordinate(p, axis));
-  levels = distinct(std::move(levels), rounding);
-  if (levels.size() < 2 || levels.size() * kRepeats > rows.size()) return 0;
+  std::vector<double> values;
+  for (const Point& p : rows) values.push_back(coordinate(p, axis));
+  const auto are_few = [&](const std::vector<double>& levels) { return levels.size() * kRepeats <= rows.size(); };
+  if (values.size() >= kGlance && !are_few(distinct({values.begin(), values.begin() + kGlance}, rounding))) return 0;
+  const std::vector<double> levels = distinct(std::move(values), rounding);
+  if (levels.size() < 2 || !are_few(levels)) return 0;
   double least = kEndless;
   for (std::size_t i = 1; i < levels.size(); ++i) least = std::min(least, levels[i] - levels[i - 1]);
   return least;
@@ -203,13 +223,17 @@ std::optional<DisparityLaw> disparity_law(const std::vector<double>& levels) {
 }
 
 // The step along a direction at each row's first point; empty where heights have no levels.
-std::vector<double> steps_along(Offset direction, std::span<const Point> rows, std::size_t row_size) {
+std::vector<double> steps_along(Offset direction, std::span<const Point> rows, std::size_t row_size,
+                                const ForEach& for_each) {
   const auto height = [&](const Point& p) { return point::dot(point::offset_between(rows[0], p), direction); };
-  std::vector<double> heights;
-  for (const Point& p : rows)
-    if (!std::isnan(p.x)) heights.push_back(height(p));
+  std::vector<double> heights(rows.size());
+  for_each(rows.size() / row_size, [&](std::size_t row) {
+    for (std::size_t i = row * row_size; i < (row + 1) * row_size; ++i) heights[i] = height(rows[i]);
+  });
+  std::erase_if(heights, [](double known) { return std::isnan(known); });
   const std::size_t all = heights.size();
-  const std::vector<double> levels = distinct(std::move(heights), kLevelGap * extent_of(rows));
+  sort_many(heights, for_each);
+  const std::vector<double> levels = distinct_of_sorted(heights, kLevelGap * extent_of(rows));
   if (levels.size() <= 2 * kSpans || levels.size() * kHeightsOfLevel > all) return {};
   const std::optional<DisparityLaw> law = disparity_law(levels);
   std::vector<double> steps;
@@ -239,10 +263,10 @@ StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, c
   return {{}, common_direction(rows, rounding, for_each), coarsest_step(rows, rounding)};
 }
 
-CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest) {
+CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest, const ForEach& for_each) {
   if (!in_heads.direction) return std::move(in_heads.steps);
   std::vector<double> steps =
-      steps_along(*in_heads.direction, nearest.of(nearest.samples(), kLevelNeighbors), kLevelNeighbors + 1);
+      steps_along(*in_heads.direction, nearest.of(nearest.samples(), kLevelNeighbors), kLevelNeighbors + 1, for_each);
   return {steps.empty() ? CoordinateSteps::Kind::none : CoordinateSteps::Kind::depth, std::move(steps)};
 }
 

@@ -37,6 +37,6 @@ StepsInHeads steps_in_heads(std::span<const Point> heads, std::size_t samples, c
 
 // Asks for the rows of all samples where there is such a direction. Depths have steps if the gaps between levels widen
 // with the square of the distance, as those of whole disparities do.
-CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest);
+CoordinateSteps coordinate_steps(StepsInHeads in_heads, const NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair

@@ -87,7 +87,7 @@ double least_step(std::span<const Offset> offsets, double within) {
 
 }  // namespace
 
-CopiesFound copies_at_samples(const NearestRows& nearest) {
+CopiesFound copies_at_samples(const NearestRows& nearest, const ForEach& for_each) {
   constexpr int kHead = kMostRepeats + 1;
   static_assert(kHead < point::kHeadRow);
   const double width = width_of_copies(nearest.of(nearest.looked_at(), kHead), kHead);
@@ -95,18 +95,24 @@ CopiesFound copies_at_samples(const NearestRows& nearest) {
   const double within = kWithinCopies * width;
   constexpr std::size_t kRow = kRepeatNeighbors + 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
-  std::vector<std::vector<Offset>> full;
+  std::vector<std::vector<Offset>> of_rows(rows.size() / kRow);  // empty of those that are not full
+  std::vector<double> step_of(of_rows.size());
+  for_each(of_rows.size(), [&](std::size_t i) {
+    const auto row = std::span(rows).subspan(i * kRow, kRow);
+    if (std::isnan(row.back().x)) return;
+    of_rows[i] = offsets_of(row);
+    step_of[i] = least_step(of_rows[i], within);
+  });
   std::vector<double> steps;
-  for (std::size_t first = 0; first < rows.size(); first += kRow) {
-    if (std::isnan(rows[first + kRow - 1].x)) continue;
-    full.push_back(offsets_of(std::span(rows).subspan(first, kRow)));
-    steps.push_back(least_step(full.back(), within));
-  }
-  if (full.empty()) return {};
+  for (std::size_t i = 0; i < of_rows.size(); ++i)
+    if (!of_rows[i].empty()) steps.push_back(step_of[i]);
+  if (steps.empty()) return {};
+  const std::size_t full = steps.size();
   const double by_chance = std::max(within, kStepsOfChance * median(std::move(steps)));
   double measurements = 0;  // that the samples are, and so many points
   std::size_t copies = 0, within_steps = 0;
-  for (const std::vector<Offset>& offsets : full) {
+  for (const std::vector<Offset>& offsets : of_rows) {
+    if (offsets.empty()) continue;
     const auto count = [&](double distance) {
       return std::size_t(std::ranges::count_if(offsets, [&](const Offset& o) { return point::length(o) <= distance; }));
     };
@@ -115,7 +121,7 @@ CopiesFound copies_at_samples(const NearestRows& nearest) {
     within_steps += count(by_chance) - 1;
   }
   if (within_steps > kMostOfSteps * copies) return {};
-  return {double(full.size()) / measurements, within};
+  return {double(full) / measurements, within};
 }
 
 }  // namespace pointfair

@@ -14,6 +14,6 @@ struct CopiesFound {
 };
 // Asks for the nearest points of rank 17, and for longer rows where some of these lie together. Copies by chance, of
 // coordinates that were rounded as coarsely as points lie apart, are none.
-CopiesFound copies_at_samples(const NearestRows& nearest);
+CopiesFound copies_at_samples(const NearestRows& nearest, const ForEach& for_each);
 
 }  // namespace pointfair

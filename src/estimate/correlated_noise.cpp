@@ -43,21 +43,23 @@ struct Heights {
 };
 
 // Nearest are those along the plane, since the nearest in space have nearly the same height.
-void add_heights(std::span<const Point> row, Heights& heights) {
+Heights heights_of(std::span<const Point> row) {
   const std::vector<Offset> offsets = offsets_of(row);
   const std::optional<Offset> normal = robust_normal(offsets);
-  if (!normal) return;
+  if (!normal) return {};
   std::vector<std::pair<double, double>> others;  // squared distance along the plane, height
   for (const Offset& o : offsets) {
     const double height = dot(o, *normal), squared = dot(o, o);
     if (squared > 0) others.emplace_back(squared - height * height, std::abs(height));
   }
-  if (others.size() < kFarRanks[1]) return;
+  if (others.size() < kFarRanks[1]) return {};
   std::ranges::sort(others);
+  Heights heights;
   for (std::size_t rank = 0; rank < kFarRanks[1]; ++rank) {
     if (rank < kNearRank) heights.near.push_back(others[rank].second);
     if (rank >= kFarRanks[0]) heights.far.push_back(others[rank].second);
   }
+  return heights;
 }
 
 // In flat places, of neighbourhoods of 115 points; endless if there are none.
@@ -70,14 +72,17 @@ double widest_residual(std::span<const point::ResidualSample> samples) {
 
 }  // namespace
 
-bool neighbors_share_noise(const NearestRows& nearest, double sigma) {
+bool neighbors_share_noise(const NearestRows& nearest, double sigma, const ForEach& for_each) {
   constexpr std::size_t kRow = kRepeatNeighbors + 1;
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
-  Heights heights;
-  for (std::size_t first = 0; first < rows.size(); first += kRow)
-    add_heights(std::span(rows).subspan(first, kRow), heights);
-  if (heights.near.empty()) return false;
-  const double near = median(std::move(heights.near)), far = median(std::move(heights.far));
+  std::vector<Heights> of_rows(rows.size() / kRow);
+  for_each(of_rows.size(), [&](std::size_t i) { of_rows[i] = heights_of(std::span(rows).subspan(i * kRow, kRow)); });
+  const auto median_of = [&of_rows](std::vector<double> Heights::*which) {
+    std::vector<double> all;
+    for (const Heights& heights : of_rows) all.insert(all.end(), (heights.*which).begin(), (heights.*which).end());
+    return all.empty() ? 0 : median(std::move(all));
+  };
+  const double near = median_of(&Heights::near), far = median_of(&Heights::far);
   return near < kNearOverFar * far && near < kMostDifference * sigma;
 }
 

@@ -15,7 +15,7 @@ namespace pointfair {
 // their noise. Whether the nearest points of samples differ less in height than points farther away do, and not by more
 // than noise of that standard deviation lets them, as on a bent shape. Asks for rows of the samples that are looked at
 // first.
-bool neighbors_share_noise(const NearestRows& nearest, double sigma);
+bool neighbors_share_noise(const NearestRows& nearest, double sigma, const ForEach& for_each);
 
 // Whether the noise is correlated among more points than a neighbourhood holds: between every second and every fourth
 // point as much as between neighbours, among which residuals in flat places grow by `growth` (endless: they are

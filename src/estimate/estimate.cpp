@@ -239,7 +239,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   });
   const ForEach for_each = from.on_host();
   if (wanted.seeks_copies)
-    if (const CopiesFound copies = copies_at_samples(nearest); copies.within >= 0) {
+    if (const CopiesFound copies = copies_at_samples(nearest, for_each); copies.within >= 0) {
       Estimate with_copies;
       with_copies.copies = copies;
       return with_copies;
@@ -276,7 +276,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
                                 stop);
   };
   const double coordinate_step = in_heads.coarsest;
-  const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest);
+  const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest, for_each);
   const bool is_plain = repeats == 1 && steps.at.empty();
   if (!is_plain || is_thin) {
     if (repeats > 1)
@@ -309,7 +309,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
     samples = thinned_samples();
     cover_rounding(steps, samples.noise);
     look(steps, repeats, {});
-    is_seen_shared = result.noise.depth_has_steps || neighbors_share_noise(nearest, result.noise.sigma);
+    is_seen_shared = result.noise.depth_has_steps || neighbors_share_noise(nearest, result.noise.sigma, for_each);
     if (!is_seen_shared) {
       seen = std::move(whole);
       repeats = all_repeats;
@@ -332,7 +332,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   Noise& noise = result.noise;
   const bool may_be_shared = noise.is_shared || repeats > kMostCopies * found.copies;
   noise.is_shared = noise.depth_has_steps || found.rows_share_errors ||
-                    (may_be_shared && (is_seen_shared || neighbors_share_noise(nearest, noise.sigma)));
+                    (may_be_shared && (is_seen_shared || neighbors_share_noise(nearest, noise.sigma, for_each)));
   noise.coordinate_step = coordinate_step;
   if (found.points == 1) result.sensor = std::move(sensor);  // else the nearest points are no steps of rays
   return result;

@@ -183,10 +183,10 @@ double squared_distance_at_rank(std::span<const Point> rows, int neighbors, int 
 }
 
 // From the first rank on; empty if all rows are short.
-std::vector<double> squared_distances_by_rank(std::span<const Point> rows, int neighbors) {
-  std::vector<double> result;
-  if (squared_distance_at_rank(rows, neighbors, 1) < 0) return result;
-  for (int k = 1; k <= neighbors; ++k) result.push_back(squared_distance_at_rank(rows, neighbors, k));
+std::vector<double> squared_distances_by_rank(std::span<const Point> rows, int neighbors, const ForEach& for_each) {
+  if (squared_distance_at_rank(rows, neighbors, 1) < 0) return {};
+  std::vector<double> result(static_cast<std::size_t>(neighbors));
+  for_each(result.size(), [&](std::size_t i) { result[i] = squared_distance_at_rank(rows, neighbors, int(i) + 1); });
   return result;
 }
 
@@ -211,7 +211,7 @@ Repeats repeats_among(const NearestRows& nearest, const ForEach& for_each) {
   if (rows_share_errors(nearest, for_each)) return {.points = kMostRepeats, .rows_share_errors = true};
   if (!are_uneven(nearest.heads(), kStepNeighbors)) return {};
   const std::vector<Point> rows = nearest.of(nearest.looked_at(), kRepeatNeighbors);
-  const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors);
+  const std::vector<double> by_rank = squared_distances_by_rank(rows, kRepeatNeighbors, for_each);
   const auto elsewhere = std::ranges::find_if(by_rank, [](double squared) { return squared > 0; });
   return {std::min(first_even(by_rank), kMostRepeats), 1 + int(elsewhere - by_rank.begin())};
 }
