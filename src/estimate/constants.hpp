@@ -151,8 +151,9 @@ inline constexpr double kDepthWidening = 3;                      // of R: a matc
 inline constexpr double kFlatPercent[] = {130, 160};  // of R, with little noise and with more; (20); 052, 143
 inline constexpr double kSeparableGap = 1.4, kApartFromNoise = 3;  // spacings and sigmas between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;        // of one sheet's points within the gap; sheets
-inline constexpr double kListRadius = 3;                           // sigmas, of lists; quality
-inline constexpr double kListPoints = 11;                          // points, of lists without noise; quality
+inline constexpr double kQuietSheets = 8;  // sigmas; sheets farther apart need no points of both; 028
+inline constexpr double kListRadius = 3;   // sigmas, of lists; quality
+inline constexpr double kListPoints = 11;  // points, of lists without noise; quality
 
 // Width from place to place.
 inline constexpr double kReachPoints =
