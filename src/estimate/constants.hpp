@@ -19,7 +19,7 @@ namespace pointfair::constants {
 // Samples.                                               unit; equation; measured by
 inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // samples of the cloud; (8); estimates, 028
 inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 028
-inline constexpr std::uint64_t kPointsOfPlace = 150;  // points of the cloud for one more place; (21); 082
+inline constexpr std::uint64_t kPointsOfPlace = 150;  // measurements for one more place; (21); 082
 
 // Points that are no measurements of their own.
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
@@ -34,7 +34,6 @@ inline constexpr double kWithinCopies = 2;       // distances to nearly all copi
 inline constexpr double kSurelyCopies = 0.01;    // spacings; farther copies are less apart than the noise; 141
 inline constexpr double kStepsOfChance = 2;      // of coordinates, within which chance brings 12 times the copies; 141
 inline constexpr std::size_t kMostOfSteps = 2;   // times the copies; of more points there, copies are chance; 141
-inline constexpr std::size_t kThinnedSamples = 2000;  // whose rows are long; 141
 
 // Rows of points that share an error.
 inline constexpr std::size_t kRowSamples = 150;                    // samples; 141

@@ -132,10 +132,11 @@ Noise of_sigma(Noise noise, double sigma) {
   return noise;
 }
 
-std::size_t noise_queries(const CloudSample& sample) {
+std::size_t noise_queries(const CloudSample& sample, int repeats) {
   const std::uint64_t points = sample.bounds.valid;
   const std::uint64_t of_cloud = std::clamp<std::uint64_t>(points / kPointsOfSample, kLeastSamples, kNoiseSamples);
-  return std::min(sample.indices.size(), std::size_t(std::max(of_cloud, points / kPointsOfPlace)));
+  const std::uint64_t places = points / std::uint64_t(repeats) / kPointsOfPlace;
+  return std::min(sample.indices.size(), std::size_t(std::max(of_cloud, places)));
 }
 
 namespace {
@@ -272,8 +273,7 @@ Estimate estimate(Sampling& from, const CloudSample& sample, WantedEstimates wan
   });
   int repeats = found.points;
   const auto thinned_samples = [&] {
-    return from.take_samples_by({.stride = repeats}, for_noise.first(std::min(for_noise.size(), kThinnedSamples)),
-                                stop);
+    return from.take_samples_by({.stride = repeats}, for_noise.first(noise_queries(sample, repeats)), stop);
   };
   const double coordinate_step = in_heads.coarsest;
   const CoordinateSteps steps = coordinate_steps(std::move(in_heads), nearest, for_each);

@@ -61,8 +61,9 @@ struct Noise {
 // The estimate with a known `sigma` in place of the measured one; what depends on sigma follows, the rest stays.
 Noise of_sigma(Noise noise, double sigma);
 
-// How many points of the cloud's sample, from the first on, the noise is estimated at.
-std::size_t noise_queries(const CloudSample& sample);
+// How many points of the cloud's sample, from the first on, the noise is estimated at, if `repeats` points make one
+// measurement.
+std::size_t noise_queries(const CloudSample& sample, int repeats = 1);
 
 struct WantedEstimates {
   bool spacing = false, noise = false;
