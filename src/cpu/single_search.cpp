@@ -110,30 +110,34 @@ void SingleSearch::count_in_buckets() {
 // Keys order by distance and then by index, which is faster to compare and differs where distances tie.
 void SingleSearch::keep_nearest() {
   if (found_.size() <= k_) return;
-  count_in_buckets();
-  const std::size_t bucket = std::size_t(std::ranges::lower_bound(before_, k_) - before_.begin()) - 1;  // of the k-th
-  std::size_t nearer = 0, as_near = 0;
-  space_.resize(found_.size());
-  for (const Key key : found_) {
-    const std::size_t its = bucket_of(key);
-    found_[nearer] = space_[as_near] = key;
-    nearer += its < bucket;
-    as_near += its == bucket;
+  // those in the bucket of the k-th, behind those in nearer ones
+  std::size_t nearer = 0, end_of_bucket = found_.size();
+  if (found_.size() >= kMany) {
+    count_in_buckets();
+    const std::size_t bucket = std::size_t(std::ranges::lower_bound(before_, k_) - before_.begin()) - 1;
+    std::size_t as_near = 0;
+    space_.resize(found_.size());
+    for (const Key key : found_) {
+      const std::size_t its = bucket_of(key);
+      found_[nearer] = space_[as_near] = key;
+      nearer += its < bucket;
+      as_near += its == bucket;
+    }
+    end_of_bucket = nearer + as_near;
+    std::copy_n(space_.begin(), as_near, found_.begin() + std::ptrdiff_t(nearer));
   }
-  const auto first = space_.begin(), kth = first + std::ptrdiff_t(k_ - nearer) - 1,
-             end = first + std::ptrdiff_t(as_near);
+  const auto first = found_.begin() + std::ptrdiff_t(nearer), kth = found_.begin() + std::ptrdiff_t(k_) - 1,
+             end = found_.begin() + std::ptrdiff_t(end_of_bucket);
   std::nth_element(first, kth, end);
   const auto as_far = [distance = distance_bits(*kth)](Key key) { return distance_bits(key) == distance; };
   if (std::count_if(first, end, as_far) > 1)
     std::nth_element(first, kth, end, [this](Key a, Key b) { return precedes(a, b); });
   last_ = *kth;
-  std::copy(first, kth + 1, found_.begin() + std::ptrdiff_t(nearer));
   found_.resize(k_);
 }
 
 void SingleSearch::sort_found() {
-  constexpr std::size_t kFew = 64;
-  if (found_.size() < kFew) {
+  if (found_.size() < kMany) {
     std::ranges::sort(found_);
     return;
   }

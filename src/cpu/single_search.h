@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The nearest points of one place. The search of whole leaves (src/cpu/search.h) keeps its lists sorted; here
-// candidates are only collected, and cut to the nearest whenever there are twice as many, which suits long lists. Both
-// this and the sorting at the end go by buckets of distances: of 1,024 neighbours, a sort alone takes a third of a
-// search.
+// candidates are only collected, and cut to the nearest whenever there are twice as many, which suits long lists. Of
+// many, both this and the sorting at the end go by buckets of distances: of 1,024 neighbours, a sort alone took a third
+// of a search.
 #pragma once
 
 #include <array>
@@ -44,8 +44,9 @@ class SingleSearch {
   Key last_ = 0;  // candidates that precede it join
   std::vector<Key> found_, space_;
 
-  // Of what is found, by the bits of the distance: how many lie in the buckets before each, from the nearest one on.
-  static constexpr std::size_t kBuckets = 1024;
+  // Of what is found, if there is much: how many lie in the buckets before each, by the bits of the distance, from the
+  // nearest one on.
+  static constexpr std::size_t kBuckets = 1024, kMany = 128;
   std::uint32_t nearest_ = 0;  // bits
   int shift_ = 0;
   std::array<std::uint32_t, kBuckets + 1> before_{};
