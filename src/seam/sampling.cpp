@@ -83,13 +83,17 @@ Samples Sampling::take_samples_by(SampleRule rule, std::span<const std::uint32_t
     throw_if_stopped(stop);
     samples.noise[q] = fits.first_rounds(&first_rows[q * (kFirstRow + 1)].x, rule.sheets);
   });
-  samples.residuals = [this, &fits, first_rows, rule, stop, count = for_noise.size()] {
-    std::vector<ResidualSample> residuals(count);
-    for_each_on_host(count, [&](std::size_t q) {
-      throw_if_stopped(stop);
-      residuals[q] = fits.residuals(&first_rows[q * (kFirstRow + 1)].x, rule.sheets);
-    });
-    return residuals;
+  samples.residuals = [this, &fits, first_rows, rule, stop, count = for_noise.size(),
+                       known = std::make_shared<std::vector<ResidualSample>>()] {
+    if (known->size() < count) {
+      std::vector<ResidualSample> residuals(count);
+      for_each_on_host(count, [&](std::size_t q) {
+        throw_if_stopped(stop);
+        residuals[q] = fits.residuals(&first_rows[q * (kFirstRow + 1)].x, rule.sheets);
+      });
+      *known = std::move(residuals);
+    }
+    return *known;
   };
 
   std::vector<std::size_t> short_ones;

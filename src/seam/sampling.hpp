@@ -36,7 +36,8 @@ struct NearRows {
 struct Samples {
   std::vector<point::SpacingSample> spacing;
   std::vector<point::NoiseSample> noise;
-  // Of the queries for noise, which not every estimate needs. To be called while the backend lives.
+  // Of the queries for noise, which not every estimate needs: made when first asked for. To be called while the backend
+  // lives, by one thread at a time.
   std::function<std::vector<point::ResidualSample>()> residuals;
   // Of the queries for noise that show it: rows of the point::kPool nearest of them, by their numbers, the query's own
   // among them, nearest first, and equally far ones in their order. Empty: the estimate looks for them.
