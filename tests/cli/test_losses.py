@@ -2,7 +2,7 @@
 """What a conversion loses is told, --strict refuses it, and options say what a text does not."""
 from pathlib import Path
 
-from program import Case
+from program import Case, positions, sphere_points, write_ply
 from survey_files import ground, write_old_las
 
 DOCUMENTATION = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
@@ -63,6 +63,23 @@ class Losses(Case):
                           says=["1e-09", "less than a million times finer", "0.001"])
         self.assertNotIn("whole number", said)
         self.fails(2, "run", scan, self.path("b.las"), "--las-scale", "0.0007", says="divided by a whole number")
+
+    def test_new_las_files_reach_small_clouds_wherever_they_are(self):
+        for size, place in ((0.05, 0.5), (1e-3, -0.7), (1e-6, 123.4), (3.0, 4.5e6), (1e-9, 0.999)):
+            points = [tuple(place + size * share for share in at) for at in ((0, 0, 0), (1, 0.3, 0.7), (0.2, 1, 0.9))]
+            cloud = write_ply(self.path("a.ply"), points, scalar="double")
+            for words in (("b.las",), ("b.laz",), ("b.copc.laz",), ("b.las", "--las-scale", size * 1e-9)):
+                with self.subTest(size=size, place=place, words=words):
+                    self.ok("run", cloud, self.path(words[0]), *words[1:], "--strength", 0, "-q", "--force")
+                    self.ok("run", self.path(words[0]), self.path("c.ply"), "--strength", 0, "-q", "--force")
+                    for before, after in zip(points, positions(self.path("c.ply"))):
+                        for p, q in zip(before, after):
+                            self.assertLess(abs(p - q), 1e-8 * size + 4e-16 * abs(place))
+
+    def test_the_scale_of_a_new_las_file_is_a_length(self):
+        cloud = write_ply(self.path("a.ply"), sphere_points(100, 0.01))
+        for scale in ("inf", "nan", "0", "-0.001"):
+            self.fails(2, "run", cloud, self.path("b.las"), "--las-scale", scale, says=["scale cannot be", "such as 0.001"])
 
     def test_a_length_in_metres_is_not_repeated_in_a_unit_that_nobody_typed(self):
         said = self.fails(2, "run", self.put("a.xyz", ROWS), self.path("b.xyz"), "--noise", "3mm", says="how long its unit is")
