@@ -81,6 +81,19 @@ class Losses(Case):
         for scale in ("inf", "nan", "0", "-0.001"):
             self.fails(2, "run", cloud, self.path("b.las"), "--las-scale", scale, says=["scale cannot be", "such as 0.001"])
 
+    def test_coordinates_that_are_integers_are_rounded_and_the_run_says_so(self):
+        header = "ply\nformat ascii 1.0\nelement vertex 900\n" + "".join(f"property int {axis}\n" for axis in "xyz")
+        rows = "".join(f"{10 * (i % 30)} {10 * (i // 30)} {i * i % 7 // 6}\n" for i in range(900))
+        self.put("a.ply", header + "end_header\n" + rows)
+        self.ok("run", self.path("a.ply"), self.path("b.ply"), "--encoding", "binary", "--strength", 0, "-q")
+        for name in ("a.ply", "b.ply"):
+            for words in ((), ("--tiles", 2)):
+                said = self.ok("run", self.path(name), self.path("c.ply"), "--noise", 0.3, "--force", *words).stderr.decode()
+                self.assertIn("coordinates are stored in steps of 1: rounding adds 0.29 on each axis", said)
+                self.assertIn("the steps of 1 between stored coordinates are coarse against the noise of 0.3", said)
+            self.assertEqual(self.report("info", self.path(name))["file"]["step"], 1)
+        self.assertNotIn("steps", self.ok("run", self.path("a.ply"), self.path("c.pcd"), "--noise", 0.3).stderr.decode())
+
     def test_a_length_in_metres_is_not_repeated_in_a_unit_that_nobody_typed(self):
         said = self.fails(2, "run", self.put("a.xyz", ROWS), self.path("b.xyz"), "--noise", "3mm", says="how long its unit is")
         self.assertNotIn("0.003m", said)
