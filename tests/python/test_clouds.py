@@ -99,7 +99,8 @@ def two_walls():
 
 def test_distances_between_points_tell_where_the_sensor_stood():
     walls, far = two_walls(), np.array([500000.0, 5.4e6, 100.0])
-    for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far)):
+    near = np.array([3000.0, -2000.0, 500.0])  # whose floats have an origin
+    for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far), ((walls + near).astype(np.float32), near)):
         report = pf.denoise(points, return_report=True)[1]
         assert np.linalg.norm(report.found_sensor - np.asarray(origin)) < 0.7
         assert report.unmoved.outliers_by_reason.mixed_pixels == 60 and report.pulled.mixed_pixels == 0
