@@ -205,6 +205,7 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
   // --force does not help: a task reads an input when others may have written their outputs
   constexpr std::string_view kAdvice = "a run in tiles on disk replaces no input; name another output";
   if (job.output_folder.empty()) {
+    check_report(arguments.report, {arguments.input, arguments.output});
     check_not_same(arguments.input, arguments.output, kAdvice);
     // where a run goes on, the output may be there: the plan knows
     if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
@@ -236,6 +237,17 @@ std::uint64_t memory_to_use(const TiledArguments& arguments) {
   const auto bytes = static_cast<std::uint64_t>(std::ldexp(value, shift));
   if (bytes < kLeastMemory) throw Error(ErrorKind::usage, fmt::format("--memory {}: at least 64M is needed", text));
   return bytes;
+}
+
+void check_no_format(const FormatArguments& format) {
+  const std::string flag = !format.format.empty()     ? "--format " + format.format
+                           : !format.encoding.empty() ? "--encoding " + format.encoding
+                           : format.strict            ? "--strict"
+                                                      : "";
+  if (!flag.empty())
+    throw Error(ErrorKind::usage, flag +
+                                      ": the files of --out-dir are one cloud in tiles, each written in the format "
+                                      "that it has; --each treats every file on its own");
 }
 
 void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
@@ -283,15 +295,7 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);
   } else {
-    const FormatArguments& format = arguments.format;
-    const std::string flag = !format.format.empty()     ? "--format " + format.format
-                             : !format.encoding.empty() ? "--encoding " + format.encoding
-                             : format.strict            ? "--strict"
-                                                        : "";
-    if (!flag.empty())
-      throw Error(ErrorKind::usage, flag +
-                                        ": the files of --out-dir are one cloud in tiles, each written in the format "
-                                        "that it has; --each treats every file on its own");
+    check_no_format(arguments.format);
     job.inputs = files_of_survey(arguments.inputs());
     job.output_folder = arguments.tiled.out_dir;
   }

@@ -6,6 +6,7 @@
 #include <stop_token>
 #include <string>
 
+#include "arguments.hpp"
 #include "pointfair/tiled_run.hpp"
 
 namespace pointfair::cli {
@@ -27,6 +28,9 @@ struct TiledOutput {
   bool quiet = false, verbose = false;
   std::string note{};  // that is printed once the run is planned
 };
+
+/// Throws ErrorKind::usage for flags that say how one output is written, where there is a folder of them.
+void check_no_format(const FormatArguments& format);
 
 /// Does the whole job. Without a work folder, one beside the output that is removed whatever happens.
 void run_in_tiles(const TiledJob& job, const std::filesystem::path& work, const Device& device,

@@ -381,3 +381,18 @@ class Refusals(Case):
             self.fails(2, "run", source, mesh, "--out-dir", self.path("results"), *words, says=" ".join(words))
         self.assertFalse(self.path("results").exists())
         self.fails(3, "tile", "run", self.folder, "--all", says="no plan")
+            self.fails(2, "tile", "plan", source, mesh, "--out-dir", self.path("results"), "--work", self.path("work"), *words,
+                       says=" ".join(words))
+
+    def test_a_report_replaces_no_cloud(self):
+        source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
+        before, work = source.read_bytes(), self.path("work")
+        work.mkdir()
+        self.fails(2, "run", source, self.path("out.ply"), "--work", work, "--tiles", 2, "--report", source, says="name of a cloud")
+        self.ok("tile", "plan", source, "--out", self.path("out.ply"), "--work", work)
+        self.ok("tile", "run", work, "--all", "-q")
+        for part in ("status", "merge"):
+            self.fails(2, "tile", part, work, "--report", source, says="name of a cloud")
+            self.fails(2, "tile", part, work, "--report", self.path("page.html"), says="name a .json file")
+            self.fails(3, "tile", part, work, "--report", self.path("none/report.json"), says="no folder")
+        self.assertEqual(source.read_bytes(), before)
