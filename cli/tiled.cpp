@@ -308,8 +308,17 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
 }
 
 TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Device& device) {
-  const TiledChoice choice = TiledRun::choose(job, arguments.tiled.work, device);
   const std::string flag = flag_for_memory(arguments);
+  const TiledChoice choice = [&] {
+    try {
+      return TiledRun::choose(job, arguments.tiled.work, device);
+    } catch (const Error& error) {  // of a file that cannot be read without what is said of it
+      const bool may_be_read = error.kind() == ErrorKind::file && arguments.in.any() && fs::exists(arguments.input);
+      if (!may_be_read) throw;
+      if (job.memory != 0) refuse("--in-format, --columns and --skip", false);
+      return TiledChoice{};
+    }
+  }();
   if (!choice.in_tiles || flag.empty()) return choice;
   const bool is_asked = choice.points == 0 || job.memory != 0;
   if (is_asked) refuse(flag, !job.output_folder.empty());
