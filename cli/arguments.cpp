@@ -142,6 +142,17 @@ CLI::Validator whole_number_from(std::uint64_t least) {
   return CLI::Validator(check, "");
 }
 
+CLI::Validator number_within(double low, double high) {
+  const auto check = [low, high](const std::string& text) {
+    double value = 0;
+    const char* const last = text.data() + text.size();
+    const auto [end, error] = std::from_chars(text.data(), last, value);
+    if (error == std::errc() && end == last && value >= low && value <= high) return std::string();
+    return fmt::format("'{}' is no number from {} to {}", text, low, high);
+  };
+  return CLI::Validator(check, "");
+}
+
 CLI::Validator name_of_folder() {
   const auto check = [](const std::string& text) {
     return text.empty() ? std::string("an empty name is no folder; is a variable of the shell unset?") : std::string();

@@ -55,6 +55,8 @@ void add_threads(CLI::App& command, unsigned& threads);
 
 /// Refuses all but whole numbers from `least` on, of which CLI11 would read -1 as 2^64 - 1.
 CLI::Validator whole_number_from(std::uint64_t least);
+/// Refuses all but numbers in this range, of which CLI11 would let NaN pass.
+CLI::Validator number_within(double low, double high);
 /// Refuses the empty name, which would count as none given.
 CLI::Validator name_of_folder();
 

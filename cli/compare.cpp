@@ -123,7 +123,7 @@ Verb add_compare(CLI::App& app) {
   add_choice(command, "--as", arguments->as, {"auto", "cloud"},
              "auto: B is a mesh if it has faces; cloud: use only its points");
   command.add_option("--edges", arguments->edges, "also measure near edges whose faces differ by more than this angle")
-      ->check(CLI::Range(0.0, 180.0).description(""))
+      ->check(number_within(0, 180))
       ->type_name("DEGREES");
   command
       .add_option("--normals", arguments->normals, "also measure the normals of planes through the K nearest points")

@@ -117,7 +117,7 @@ Verb add_noise(CLI::App& app) {
                   "standard deviation of the noise in each direction: 0.3% of the diagonal, 2s spacings")
       ->type_name("LENGTH");
   command.add_option("--uneven", arguments->uneven, "let the density vary by this ratio along the longest axis")
-      ->check(CLI::Range(1.0, 1e6).description(""))
+      ->check(number_within(1, 1e6))
       ->type_name("RATIO");
   command
       .add_option("--outliers", arguments->outliers,

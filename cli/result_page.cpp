@@ -68,7 +68,7 @@ class PageMaker {
   // Work that another thread does, or this one once it is asked for.
   template <class Work>
   auto beside_this(Work work) const {
-    return std::async(job_.threads == 1 ? std::launch::deferred : std::launch::async, std::move(work));
+    return std::async(job_.reading.threads == 1 ? std::launch::deferred : std::launch::async, std::move(work));
   }
 
  public:
@@ -77,7 +77,7 @@ class PageMaker {
 
   std::string make() {
     std::future<std::string> input_sum = beside_this([&] { return sha256_of(job_.input); });
-    after_ = read(job_.output, {.threads = job_.threads});
+    after_ = read(job_.output, job_.reading);
     std::future<std::string> output_sum = beside_this([&] { return sha256_of(job_.output); });
     compare();
     estimates_ = pipeline_.estimates(stop_);

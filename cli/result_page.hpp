@@ -14,6 +14,7 @@ namespace pointfair::cli {
 
 struct PageJob {
   std::filesystem::path input, output;  ///< files; the output is there
+  ReadOptions reading;                  ///< of the output
   std::string command;                  ///< that made the output, or the page
   const Report* run = nullptr;          ///< of the run that made the output; null: not known
   Params asked;                         ///< by that run, before anything was estimated
@@ -21,8 +22,7 @@ struct PageJob {
   std::vector<std::string> notes;       ///< warnings of the run; without one the page says what the two files show
   std::vector<std::uint8_t> outliers;   ///< the reason at each point, as Pipeline::outliers; empty: not known
   std::vector<std::uint8_t> removed;    ///< not 0 at points of the input that the output does not have; empty: none
-  unsigned threads = 0;
-  std::uint64_t held = 0;  ///< points that nothing but the limits of the run kept in place
+  std::uint64_t held = 0;               ///< points that nothing but the limits of the run kept in place
 };
 
 struct ResultPage {

@@ -5,6 +5,7 @@
 #include <fstream>
 #include <memory>
 #include <optional>
+#include <variant>
 #include <vector>
 
 #include "arguments.hpp"
@@ -59,15 +60,13 @@ std::vector<std::byte> weights_of(const std::string& path) {
   return bytes;
 }
 
-// What is to say of the run; nothing where it was done in tiles, which say it themselves. `shown`: where progress goes;
+// What is to say of the run; that of a run in tiles was said unless the flags are quiet. `shown`: where progress goes;
 // null: to one of its own.
-std::optional<Findings> run_file(const RunArguments& arguments, Findings findings, const Limits& limits,
-                                 const Device& device, Progress* shown, std::stop_token stop) {
+std::variant<Findings, Told> run_file(const RunArguments& arguments, Findings findings, const Limits& limits,
+                                      const Device& device, Progress* shown, std::stop_token stop) {
   const TiledJob job = make_tiled_job(arguments, findings.asked, limits, findings.noise_attribute, device);
-  if (const TiledChoice choice = choose(arguments, job, device); choice.in_tiles) {
-    run_tiled(arguments, job, choice, device, stop);
-    return std::nullopt;
-  }
+  if (const TiledChoice choice = choose(arguments, job, device); choice.in_tiles)
+    return run_tiled(arguments, job, choice, device, shown, stop);
   check_paths(arguments);
   Pipeline pipeline(device);
   if (!arguments.weights.empty()) pipeline.set_weights(weights_of(arguments.weights), arguments.weights);
@@ -114,11 +113,14 @@ void run(RunArguments arguments, std::stop_token stop) {
     return run_each(
         arguments,
         [&](const RunArguments& of_file, Progress& progress) {
-          return run_file(of_file, findings, limits, device, &progress, stop);
+          const auto found = run_file(of_file, findings, limits, device, &progress, stop);
+          const auto* const in_memory = std::get_if<Findings>(&found);
+          return in_memory ? told_of(*in_memory) : std::get<Told>(found);
         },
         stop);
   if (arguments.skip_existing) throw Error(ErrorKind::usage, "--skip-existing goes with --each");
-  const std::optional<Findings> found = run_file(arguments, findings, limits, device, nullptr, stop);
+  const auto ran = run_file(arguments, findings, limits, device, nullptr, stop);
+  const auto* const found = std::get_if<Findings>(&ran);
   if (!found) return;
   if (!is_page(arguments.report)) write_report(arguments.report, run_json(found->report, *found));
   if (!arguments.quiet) print_summary(found->report, *found, arguments.verbose);

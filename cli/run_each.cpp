@@ -27,7 +27,7 @@ struct Row {
   fs::path input, output;
   std::string status = "waiting", error{};  // done, skipped or failed afterwards
   ErrorKind kind = ErrorKind::failed;       // of the error
-  std::optional<Findings> findings{};       // of this run
+  std::optional<Told> told{};               // of this run
   std::string numbers{};                    // the same as CSV; of a file that is skipped, as the table had it
   Json run{};                               // the same as JSON
 };
@@ -102,17 +102,16 @@ std::map<std::string, Json> runs_in(const std::string& text) {
   return runs;
 }
 
-void set_findings(Row& row, const std::optional<Findings>& findings) {
-  row.findings = findings;
-  const bool is_measured = findings && !findings->is_copied;
-  const std::string measured = is_measured ? fmt::format("{},{}", findings->spacing, findings->noise) : ",";
-  const std::string unit =
-      findings && findings->metres_per_unit ? fmt::format("{}", *findings->metres_per_unit) : std::string();
-  row.numbers = findings ? fmt::format("{},{},{},{},{},{},{}", findings->report.points, measured,
-                                       findings->displacement.mean, findings->displacement.max,
-                                       found_outliers(findings->report), findings->report.total_milliseconds, unit)
-                         : "";
-  row.run = findings ? run_json(findings->report, *findings) : Json();
+void set_told(Row& row, const std::optional<Told>& told) {
+  const auto known = [](const std::optional<double>& value) {
+    return value ? fmt::format("{}", *value) : std::string();
+  };
+  row.told = told;
+  row.numbers = told ? fmt::format("{},{},{},{},{},{},{},{}", told->points, known(told->spacing), known(told->noise),
+                                   told->moved_mean, told->moved_max, told->outliers, told->milliseconds,
+                                   known(told->metres_per_unit))
+                     : "";
+  row.run = told ? told->json : Json();
 }
 
 // The table of a run over many files on their own, which --report names; empty: none. A row a file, which is on the
@@ -230,9 +229,9 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
   of_file.report.clear();
   of_file.quiet = true;
   row.status = "failed";
-  set_findings(row, {});
+  set_told(row, {});
   try {
-    set_findings(row, run_file(of_file, progress));
+    set_told(row, run_file(of_file, progress));
     row.status = "done";
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::interrupted) throw;
@@ -246,16 +245,17 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
 
 void print_row(const Row& row, std::size_t number, std::size_t all) {
   const std::string place = fmt::format("[{}/{}] {}", number, all, row.input.string());
-  if (row.findings && row.findings->is_copied)
-    print_message("{}: {} points, written as they were\n", place, row.findings->report.points);
-  else if (row.findings)
-    print_message("{}: {} points, noise {:.4g}, moved {:.4g} on average, {:.4g} at most, {} outliers\n", place,
-                  row.findings->report.points, row.findings->noise, row.findings->displacement.mean,
-                  row.findings->displacement.max, found_outliers(row.findings->report));
-  else
-    print_message("{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
-  if (!row.findings) return;
-  for (const std::string& note : row.findings->notes) print_message("note: {}\n", note);
+  if (!row.told)
+    return print_message("{}: {}\n", place, row.status == "skipped" ? "its result is there, skipped" : row.status);
+  const Told& told = *row.told;
+  if (told.is_copied) {
+    print_message("{}: {} points, written as they were\n", place, told.points);
+  } else {
+    const std::string noise = told.noise ? fmt::format("noise {:.4g}, ", *told.noise) : std::string();
+    print_message("{}: {} points, {}moved {:.4g} on average, {:.4g} at most, {} outliers\n", place, told.points, noise,
+                  told.moved_mean, told.moved_max, told.outliers);
+  }
+  for (const std::string& note : told.notes) print_message("note: {}\n", note);
 }
 
 // Throws if some failed.

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <functional>
-#include <optional>
 #include <stop_token>
 
 #include "progress.hpp"
@@ -12,8 +11,8 @@
 
 namespace pointfair::cli {
 
-/// Runs one file; what is to say of it, or nothing if it was computed in tiles.
-using RunFile = std::function<std::optional<Findings>(const RunArguments& of_file, Progress& progress)>;
+/// Runs one file; what is to say of it.
+using RunFile = std::function<Told(const RunArguments& of_file, Progress& progress)>;
 
 /// Runs all files, and goes on after one that fails. Prints a row a file, the failures at the end, and writes the
 /// report, CSV or JSON. Throws ErrorKind::usage before the first run, and at the end the kind of error that all

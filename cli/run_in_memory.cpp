@@ -62,11 +62,21 @@ void load(const Limits& limits, const Cloud& cloud, Pipeline& pipeline) {
 // A page compares points by their order.
 void check_order(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
   if (!is_page(arguments.report)) return;
-  const Format format = options.format ? *options.format : format_to_write(arguments.output, Format::ply);
+  const Format format = options.format ? *options.format : format_to_write(arguments.output, file_info(cloud).format);
   if (!keeps_order(cloud, format))
     throw Error(ErrorKind::usage,
                 "a page compares points by their order, which is that of an octree in COPC files; write LAZ, and make "
                 "the COPC file of that");
+}
+
+// Of the output. What is said of the input holds for a copy of it.
+ReadOptions reading_of_output(const RunArguments& arguments, const Cloud& cloud, const WriteOptions& options) {
+  const std::optional<Format> own = file_info(cloud).format;
+  const Format format = options.format ? *options.format : format_to_write(arguments.output, own);
+  ReadOptions reading{.threads = arguments.device.threads};
+  if (format == own) reading = make_read_options(arguments.in, arguments.device.threads);
+  reading.format = format;
+  return reading;
 }
 
 // Whether the output has the points of the input and nothing that a run finds.
@@ -198,6 +208,7 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
   std::ranges::copy(findings.page_notes, notes.begin());
   const PageJob job{arguments.input,
                     arguments.output,
+                    reading_of_output(arguments, cloud, write_options),
                     command_text(),
                     &findings.report,
                     findings.asked,
@@ -205,7 +216,6 @@ void run_in_memory(const RunArguments& arguments, const Params& params, const Li
                     notes,
                     {pipeline.outliers().begin(), pipeline.outliers().end()},
                     remaining ? reasons : std::vector<std::uint8_t>{},
-                    arguments.device.threads,
                     findings.held};
   write_text(arguments.report, result_page(job, cloud, pipeline, stop).text);
 }

@@ -185,6 +185,22 @@ Json run_json(const Report& report, const Findings& findings) {
           {"notes", findings.notes}};
 }
 
+Told told_of(const Findings& findings) {
+  const Report& report = findings.report;
+  const auto measured = [&](double value) { return findings.is_copied ? std::nullopt : std::optional(value); };
+  return {.is_copied = findings.is_copied,
+          .points = report.points,
+          .outliers = found_outliers(report),
+          .spacing = measured(findings.spacing),
+          .noise = measured(findings.noise),
+          .moved_mean = findings.displacement.mean,
+          .moved_max = findings.displacement.max,
+          .milliseconds = report.total_milliseconds,
+          .metres_per_unit = findings.metres_per_unit,
+          .notes = findings.notes,
+          .json = run_json(report, findings)};
+}
+
 void print_summary(const Report& report, const Findings& findings, bool with_details) {
   if (findings.is_copied) {
     print_message("{} points written as they were: --strength 0 moves none, so nothing was computed\n", report.points);

@@ -53,4 +53,17 @@ inline std::uint64_t found_outliers(const Report& report) { return report.unmove
 Json run_json(const Report& report, const Findings& findings);
 void print_summary(const Report& report, const Findings& findings, bool with_details);
 
+// What a line and a row of a table tell of a run, one of many.
+struct Told {
+  bool is_copied = false;  // as in Findings
+  std::uint64_t points = 0, outliers = 0;
+  std::optional<double> spacing, noise;  // of the input, where it was measured
+  double moved_mean = 0, moved_max = 0, milliseconds = 0;
+  std::optional<double> metres_per_unit;
+  std::vector<std::string> notes;
+  Json json;  // all of it
+};
+
+Told told_of(const Findings& findings);
+
 }  // namespace pointfair::cli

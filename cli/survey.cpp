@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -70,6 +71,30 @@ std::vector<fs::path> clouds_in(const fs::path& folder, const std::string& in_fo
   return files;
 }
 
+// An href may be written as addresses are, "my%20tile.laz".
+std::string decoded(std::string_view href) {
+  std::string text;
+  for (std::size_t i = 0; i < href.size(); ++i) {
+    unsigned value = 0;
+    const char* first = href.data() + i + 1;
+    const bool is_byte =
+        href[i] == '%' && i + 2 < href.size() && std::from_chars(first, first + 2, value, 16).ptr == first + 2;
+    text += is_byte ? static_cast<char>(value) : href[i];
+    if (is_byte) i += 2;
+  }
+  return text;
+}
+
+// The file that is there: pdal_wrench does not encode names, other programs do.
+fs::path path_of(const std::string& href, const fs::path& vpc) {
+  const auto in_folder = [&](const fs::path& path) {
+    return path.is_absolute() ? path : (vpc.parent_path() / path).lexically_normal();
+  };
+  const fs::path written = in_folder(href), meant = in_folder(decoded(href));
+  std::error_code ignored;
+  return !fs::exists(written, ignored) && fs::exists(meant, ignored) ? meant : written;
+}
+
 fs::path file_of(const nlohmann::json& feature, const fs::path& vpc) {
   for (const auto& [key, asset] : feature.at("assets").items()) {
     std::string href = asset.at("href").get<std::string>();
@@ -78,7 +103,7 @@ fs::path file_of(const nlohmann::json& feature, const fs::path& vpc) {
     if (href.find("://") != std::string::npos)
       fail(vpc, "names " + href.substr(0, 100) + ", which is not on disk; fetch the files, and name the folder");
     if (!format_of(href)) continue;  // a picture, a table of statistics
-    return fs::path(href).is_absolute() ? fs::path(href) : (vpc.parent_path() / href).lexically_normal();
+    return path_of(href, vpc);
   }
   fail(vpc, "has a feature without a point cloud among its assets; make it again with pdal_wrench build_vpc");
 }

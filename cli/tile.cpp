@@ -48,6 +48,7 @@ void plan(TileArguments arguments) {
     job.write = make_write_options(arguments.format, arguments.output);
   }
   job.output_folder = arguments.tiled.out_dir;
+  if (!job.output_folder.empty()) check_no_format(arguments.format);
   job.write.las_scale = arguments.las_scale;
   job.write.overwrite = arguments.force;
   job.params = make_params(arguments.params, {});
@@ -89,6 +90,7 @@ void run_tasks(const TileArguments& arguments, std::stop_token stop) {
 }
 
 void status(const TileArguments& arguments) {
+  check_report(arguments.report, {});
   const TiledRun run(arguments.folder);
   Json steps = Json::array();
   std::string text;
@@ -100,6 +102,7 @@ void status(const TileArguments& arguments) {
 }
 
 void merge(const TileArguments& arguments, std::stop_token stop) {
+  check_report(arguments.report, {});
   system::keep_no_freed_memory();
   TiledRun run(arguments.folder, make_device(arguments.device));
   run_task(run, "emit", stop);

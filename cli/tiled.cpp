@@ -157,8 +157,7 @@ void print_summary(const TiledReport& report) {
   for (const std::string& note : notes_of(report)) print_message("note: {}\n", note);
 }
 
-void tell(const TiledReport& report, const Device& device, const TiledOutput& output, const Costs* costs) {
-  const DeviceInfo info = Pipeline(device).device();
+void tell(const TiledReport& report, const DeviceInfo& info, const TiledOutput& output, const Costs* costs) {
   if (!output.report.empty()) write_report(output.report, report_json(report, info, costs));
   if (output.quiet) return;
   if (output.verbose && costs) print_message("{}", details_told(info, report.asked, report.params, costs->steps));
@@ -206,6 +205,7 @@ void check_outputs(const RunArguments& arguments, const TiledJob& job) {
   constexpr std::string_view kAdvice = "a run in tiles on disk replaces no input; name another output";
   if (job.output_folder.empty()) {
     check_not_same(arguments.input, arguments.output, kAdvice);
+    check_report(arguments.report, {arguments.input, arguments.output});
     // where a run goes on, the output may be there: the plan knows
     if (!std::filesystem::exists(arguments.tiled.work)) check_paths(arguments);
     return;
@@ -238,7 +238,18 @@ std::uint64_t memory_to_use(const TiledArguments& arguments) {
   return bytes;
 }
 
-void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
+void check_no_format(const FormatArguments& format) {
+  const std::string flag = !format.format.empty()     ? "--format " + format.format
+                           : !format.encoding.empty() ? "--encoding " + format.encoding
+                           : format.strict            ? "--strict"
+                                                      : "";
+  if (!flag.empty())
+    throw Error(ErrorKind::usage, flag +
+                                      ": the files of --out-dir are one cloud in tiles, each written in the format "
+                                      "that it has; --each treats every file on its own");
+}
+
+Told run_in_tiles(const TiledJob& job, const fs::path& work, const Device& device, const TiledOutput& output,
                   std::stop_token stop) {
   StepClock clock;
   clock.enter("plan");
@@ -252,7 +263,8 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
   const fs::path folder = scratch ? scratch->path() : work;
   TiledReport report;
   {
-    Progress progress(output.quiet ? "none" : output.progress);
+    std::optional<Progress> own;
+    Progress& progress = output.shown ? *output.shown : own.emplace(output.quiet ? "none" : output.progress);
     progress.show(0, "planning");
     TiledRun::plan(job, folder, device.threads);
     if (!output.quiet && !output.note.empty()) print_message("note: {}\n", output.note);
@@ -264,11 +276,24 @@ void run_in_tiles(const TiledJob& job, const fs::path& work, const Device& devic
     report = run.report();
   }
   const Costs costs = clock.stop();
-  tell(report, device, output, &costs);
+  const DeviceInfo info = Pipeline(device).device();
+  tell(report, info, output, &costs);
+  Told told{.points = report.points,
+            .outliers = report.unmoved.outliers + report.pulled.total(),
+            .spacing = report.spacing,
+            .noise = report.noise,
+            .moved_mean = report.displacement.mean,
+            .moved_max = report.displacement.max,
+            .milliseconds = costs.milliseconds,
+            .metres_per_unit = report.metres_per_unit,
+            .notes = notes_of(report),
+            .json = report_json(report, info, &costs)};
+  if (!output.note.empty()) told.notes.insert(told.notes.begin(), output.note);
+  return told;
 }
 
 void finish_tiles(const TiledRun& run, const Device& device, const TiledOutput& output) {
-  tell(run.report(), device, output, nullptr);
+  tell(run.report(), Pipeline(device).device(), output, nullptr);
 }
 
 TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, const Limits& limits,
@@ -283,15 +308,7 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
     job.output = arguments.output;
     job.write = make_write_options(arguments.format, arguments.output);
   } else {
-    const FormatArguments& format = arguments.format;
-    const std::string flag = !format.format.empty()     ? "--format " + format.format
-                             : !format.encoding.empty() ? "--encoding " + format.encoding
-                             : format.strict            ? "--strict"
-                                                        : "";
-    if (!flag.empty())
-      throw Error(ErrorKind::usage, flag +
-                                        ": the files of --out-dir are one cloud in tiles, each written in the format "
-                                        "that it has; --each treats every file on its own");
+    check_no_format(arguments.format);
     job.inputs = files_of_survey(arguments.inputs());
     job.output_folder = arguments.tiled.out_dir;
   }
@@ -304,21 +321,31 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
 }
 
 TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Device& device) {
-  const TiledChoice choice = TiledRun::choose(job, arguments.tiled.work, device);
   const std::string flag = flag_for_memory(arguments);
+  const TiledChoice choice = [&] {
+    try {
+      return TiledRun::choose(job, arguments.tiled.work, device);
+    } catch (const Error& error) {  // of a file that cannot be read without what is said of it
+      const bool may_be_read = error.kind() == ErrorKind::file && arguments.in.any() && fs::exists(arguments.input);
+      if (!may_be_read) throw;
+      if (job.memory != 0) refuse("--in-format, --columns and --skip", false);
+      return TiledChoice{};
+    }
+  }();
   if (!choice.in_tiles || flag.empty()) return choice;
   const bool is_asked = choice.points == 0 || job.memory != 0;
   if (is_asked) refuse(flag, !job.output_folder.empty());
   return {};
 }
 
-void run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
-               std::stop_token stop) {
+Told run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
+               Progress* shown, std::stop_token stop) {
   std::optional<ResultFolder> folder;
   if (!job.output_folder.empty()) folder.emplace(job.output_folder);
   check_outputs(arguments, job);
-  run_in_tiles(job, arguments.tiled.work, device,
-               {arguments.report, arguments.progress, arguments.quiet, arguments.verbose, note_of(job, choice)}, stop);
+  return run_in_tiles(
+      job, arguments.tiled.work, device,
+      {arguments.report, arguments.progress, arguments.quiet, arguments.verbose, note_of(job, choice), shown}, stop);
 }
 
 }  // namespace pointfair::cli

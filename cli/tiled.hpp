@@ -6,11 +6,14 @@
 #include <stop_token>
 #include <string>
 
+#include "arguments.hpp"
 #include "pointfair/tiled_run.hpp"
+#include "run_report.hpp"
 
 namespace pointfair::cli {
 
 struct RunArguments;
+class Progress;
 
 /// The flags that say how large a task may be and where its files are.
 struct TiledArguments {
@@ -25,11 +28,15 @@ std::uint64_t memory_to_use(const TiledArguments& arguments);
 struct TiledOutput {
   std::string report, progress;
   bool quiet = false, verbose = false;
-  std::string note{};  // that is printed once the run is planned
+  std::string note{};         // that is printed once the run is planned
+  Progress* shown = nullptr;  // where progress goes; null: to one of its own
 };
 
+/// Throws ErrorKind::usage for flags that say how one output is written, where there is a folder of them.
+void check_no_format(const FormatArguments& format);
+
 /// Does the whole job. Without a work folder, one beside the output that is removed whatever happens.
-void run_in_tiles(const TiledJob& job, const std::filesystem::path& work, const Device& device,
+Told run_in_tiles(const TiledJob& job, const std::filesystem::path& work, const Device& device,
                   const TiledOutput& output, std::stop_token stop);
 
 /// Says what a finished run did.
@@ -43,7 +50,8 @@ TiledJob make_tiled_job(const RunArguments& arguments, const Params& params, con
 /// memory.
 TiledChoice choose(const RunArguments& arguments, const TiledJob& job, const Device& device);
 
-void run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
-               std::stop_token stop);
+/// Does the job, and says what it did unless the flags are quiet. `shown`: as in TiledOutput.
+Told run_tiled(const RunArguments& arguments, const TiledJob& job, const TiledChoice& choice, const Device& device,
+               Progress* shown, std::stop_token stop);
 
 }  // namespace pointfair::cli

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <locale>
 #include <random>
 
 #include "io/unfinished_files.hpp"
@@ -202,6 +203,35 @@ TEST(Scale, files_of_a_work_folder_that_hold_something_else_have_another_number)
   EXPECT_EQ(std::tuple(kWorkFiles, sizeof(PointsHeader), sizeof(Section), fs::file_size(folder / "measured")),
             std::tuple(4, 232, 56, 424))
       << "raise kWorkFiles, and write the sizes here";
+}
+
+struct Grouped : std::numpunct<char> {
+  char do_thousands_sep() const override { return '.'; }
+  char do_decimal_point() const override { return ','; }
+  std::string do_grouping() const override { return "\3"; }
+};
+
+TEST(Scale, plans_are_the_same_in_each_locale) {
+  Plan plan;
+  plan.memory = 1234567890123;
+  plan.points = 1234567;
+  plan.tiles = 12345;
+  plan.zones = {.origin = {-0.1, 1234.5, 0}, .side = 1e-310};
+  plan.coordinate_step = 0.001;
+  plan.metres_per_unit = 0.3048;
+  plan.sensor = Position{-12345.678, -0.0, 1e300};
+  plan.files = {{.path = "a.las", .output = "b.las", .fingerprint = "f", .points = 1234567}};
+  plan.chunks = {{.file = 0, .first_block = 0, .end_block = 1234, .first_point = 0, .points = 1234567}};
+  const std::string text = text_of(plan);
+  const std::locale before = std::locale::global(std::locale(std::locale::classic(), new Grouped));
+  const std::string grouped = text_of(plan);
+  const Plan read = plan_of(text, "plan");
+  std::locale::global(before);
+  EXPECT_EQ(grouped, text);
+  EXPECT_EQ(text_of(read), text);
+  EXPECT_EQ(std::tuple(read.points, read.zones.side, read.zones.origin, read.coordinate_step, read.sensor),
+            std::tuple(plan.points, plan.zones.side, plan.zones.origin, plan.coordinate_step, plan.sensor));
+  EXPECT_EQ(read.chunks.back().points, 1234567u);
 }
 
 TEST(Scale, a_damaged_file_of_points_is_refused) {

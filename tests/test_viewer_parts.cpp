@@ -227,6 +227,17 @@ TEST(ViewerRecipe, AMethodIsNamedInTheCommandAndInTheProgram) {
             std::string::npos);
 }
 
+TEST(ViewerRecipe, CommandAndProgramReadTheFileAsItWasRead) {
+  Errand errand{"a.txt", "b.ply", "", Device::cpu};
+  errand.reading = {.columns = {"id", "x", "y", "z"}, .skip_lines = 2};
+  EXPECT_EQ(as_command({}, errand), "pointfair run a.txt b.ply --columns=id,x,y,z --skip=2 --device=cpu");
+  EXPECT_NE(as_cpp({}, errand).find(R"(read("a.txt", {.columns = {"id", "x", "y", "z"}, .skip_lines = 2}))"),
+            std::string::npos);
+  errand.reading = {.format = Format::nuscenes};
+  EXPECT_EQ(as_command({}, errand), "pointfair run a.txt b.ply --in-format=nuscenes --device=cpu");
+  EXPECT_NE(as_cpp({}, errand).find(R"(read("a.txt", {.format = pointfair::Format::nuscenes}))"), std::string::npos);
+}
+
 TEST(ViewerRecipe, TheProgramEscapesNames) {
   const std::string program = as_cpp({}, {"a\"b\\c\n.ply", "denoised.ply", "", Device::cpu});
   EXPECT_NE(program.find(R"(read("a\"b\\c\012.ply"))"), std::string::npos) << program;

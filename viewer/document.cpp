@@ -360,8 +360,12 @@ ProgressFunction Document::progress_for(const Json& id) const {
 }
 
 Errand Document::errand_of(const Request& request) const {
-  return {facts_.path.empty() ? facts_.name : facts_.path, request.output.empty() ? "denoised.ply" : request.output,
-          request.encoding, pipeline_->device().kind, viewpoint()};
+  return {facts_.path.empty() ? facts_.name : facts_.path,
+          request.output.empty() ? "denoised.ply" : request.output,
+          request.encoding,
+          pipeline_->device().kind,
+          viewpoint(),
+          facts_.path.empty() ? ReadOptions{} : options_.reading};
 }
 
 void Document::save(const Request& request, bool overwrite, std::stop_token stop) {

@@ -102,6 +102,24 @@ std::string assignment(const Params& params, const ParamInfo& info, const std::s
   return fmt::format("  set_param(params, *pointfair::find_param({}), {});\n", literal(info.name), literal(text));
 }
 
+std::string_view format_word(Format format) {
+  constexpr std::string_view kWords[] = {"ply", "pcd", "xyz", "txt", "csv", "pts", "off",   "obj",      "las",
+                                         "laz", "e57", "ptx", "stl", "npy", "glb", "kitti", "nuscenes", "copc"};
+  static_assert(std::size(kWords) == static_cast<std::size_t>(Format::copc) + 1);
+  return kWords[static_cast<std::size_t>(format)];
+}
+
+// What reading is told beside the file's name, as C++; empty: nothing.
+std::string reading_literal(const ReadOptions& reading) {
+  std::vector<std::string> options;
+  if (reading.format) options.push_back(fmt::format(".format = pointfair::Format::{}", format_word(*reading.format)));
+  std::vector<std::string> names;
+  for (const std::string& name : reading.columns) names.push_back(literal(name));
+  if (!names.empty()) options.push_back(fmt::format(".columns = {{{}}}", fmt::join(names, ", ")));
+  if (reading.skip_lines > 0) options.push_back(fmt::format(".skip_lines = {}", reading.skip_lines));
+  return options.empty() ? "" : fmt::format(", {{{}}}", fmt::join(options, ", "));
+}
+
 std::string_view device_word(Device::Kind kind) { return kind == Device::cuda ? "cuda" : "cpu"; }
 
 }  // namespace
@@ -154,6 +172,10 @@ std::string as_command(const Recipe& recipe, const Errand& errand) {
   for_each_set(recipe.params, [&](const ParamInfo& info, const std::string& text) { add(info.name, text); });
   for (const std::string_view name : kLimitNames)
     if (const std::string text = limit_text(recipe.limits, name); !text.empty()) add(name, text);
+  const ReadOptions& reading = errand.reading;
+  if (reading.format) add("in-format", std::string(format_word(*reading.format)));
+  if (!reading.columns.empty()) add("columns", fmt::format("{}", fmt::join(reading.columns, ",")));
+  if (reading.skip_lines > 0) add("skip", std::to_string(reading.skip_lines));
   if (!errand.viewpoint.empty()) add("viewpoint", errand.viewpoint);
   if (!errand.encoding.empty()) add("encoding", errand.encoding);
   return line + fmt::format(" --device={}", device_word(errand.device));
@@ -162,7 +184,8 @@ std::string as_command(const Recipe& recipe, const Errand& errand) {
 std::string as_cpp(const Recipe& recipe, const Errand& errand) {
   std::string text = "#include <pointfair/pointfair.hpp>\n\nint main() {\n";
   const auto out = std::back_inserter(text);
-  fmt::format_to(out, "  const pointfair::Cloud cloud = pointfair::read({});\n", literal(errand.input));
+  fmt::format_to(out, "  const pointfair::Cloud cloud = pointfair::read({}{});\n", literal(errand.input),
+                 reading_literal(errand.reading));
   fmt::format_to(out, "  pointfair::Pipeline pipeline(pointfair::Device::{});\n", device_word(errand.device));
   if (recipe.limits != Limits{}) {
     text += "  pointfair::Limits limits;\n";

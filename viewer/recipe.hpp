@@ -37,6 +37,7 @@ struct Errand {
   std::string encoding;  ///< as --encoding takes it, or empty
   Device::Kind device = Device::cpu;
   std::string viewpoint{};  ///< as --viewpoint takes it, or empty
+  ReadOptions reading{};    ///< of the input, but for its threads
 };
 
 /// A line for a POSIX shell.

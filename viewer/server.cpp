@@ -73,7 +73,8 @@ class Server {
     return {.make_pipeline = [device = options_.device] { return Pipeline(device); },
             .save_folder = options_.save_folder,
             .point_budget = options_.point_budget,
-            .viewpoint = options_.viewpoint};
+            .viewpoint = options_.viewpoint,
+            .reading = options_.reading};
   }
 
   std::shared_ptr<Connection> current_page() {

@@ -31,6 +31,7 @@ class Session {
     std::filesystem::path save_folder = ".";  ///< the only folder that saving writes to
     std::uint64_t point_budget = 3'000'000;   ///< points that the page gets of a larger cloud
     std::string viewpoint{};                  ///< of the cloud that the server opens, as parse_viewpoints reads it
+    ReadOptions reading{};                    ///< that this cloud was read with
     std::uint64_t most_points = 0;            ///< of a cloud that is opened; 0: any number
     bool saves_to_page = false;               ///< a saved file goes to the page, and not into a folder
     bool own_thread = true;                   ///< false: the session works in step() only

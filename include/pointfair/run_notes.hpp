@@ -73,8 +73,8 @@ POINTFAIR_EXPORT std::vector<std::string> notes_on_units(const Cloud& cloud);
 POINTFAIR_EXPORT std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format);
 
 /// Of an OBJ or PLY file `to` with the result of a cloud that was read from the file `from` of the same format: that
-/// what it names (the libraries of materials before its first vertex; its pictures) lies beside `from` only. A path is
-/// "-" where there is none. Throws as file_info and texture.
+/// what it names (its libraries of materials; its pictures) lies beside `from` only. A path is "-", and `from` may be
+/// empty, where there is none. Throws as file_info and texture.
 POINTFAIR_EXPORT std::vector<std::string> notes_on_materials(const Cloud& cloud, const std::filesystem::path& from,
                                                              const std::filesystem::path& to,
                                                              std::optional<Format> format);

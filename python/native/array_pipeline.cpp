@@ -147,7 +147,8 @@ std::vector<std::string> ArrayPipeline::notes_on_file(const Estimates& estimates
 
 Report ArrayPipeline::report() const {
   Report report = pipeline_.report();
-  if (kind_ == Kind::doubles && !before_.source && report.found_sensor)  // the pipeline got points around an origin
+  const bool is_array = kind_ == Kind::floats || kind_ == Kind::doubles;
+  if (is_array && !before_.source && report.found_sensor)  // the pipeline got points around an origin
     for (std::size_t axis = 0; axis < 3; ++axis) (*report.found_sensor)[axis] += before_.origin[axis];
   return report;
 }

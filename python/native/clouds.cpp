@@ -100,10 +100,13 @@ std::optional<std::pair<std::uint64_t, std::uint64_t>> grid_of(const Cloud& clou
   return std::pair(info.grid_height, info.grid_width);
 }
 
+// Names of attributes are bytes here: those of text files may be Latin-1.
+std::string text_of(const nb::bytes& name) { return {name.c_str(), name.size()}; }
+
 Rows attribute_list(const Cloud& cloud) {
   Rows rows;
   for (const AttributeInfo& info : attributes(cloud))
-    rows.append(nb::make_tuple(info.name, name_of(info.type), info.components));
+    rows.append(nb::make_tuple(nb::bytes(info.name.data(), info.name.size()), name_of(info.type), info.components));
   return rows;
 }
 
@@ -118,7 +121,9 @@ Row row_of(Attribute&& attribute) {
 }
 
 // One for each name.
-Rows values_of(const Cloud& cloud, const std::vector<std::string>& names) {
+Rows values_of(const Cloud& cloud, const std::vector<nb::bytes>& wanted) {
+  std::vector<std::string> names;
+  for (const nb::bytes& name : wanted) names.push_back(text_of(name));
   std::vector<Attribute> values;
   {
     nb::gil_scoped_release release;
@@ -129,8 +134,9 @@ Rows values_of(const Cloud& cloud, const std::vector<std::string>& names) {
   return rows;
 }
 
-void set_attribute(Cloud& cloud, const std::string& name, const std::string& type, std::uint32_t components,
+void set_attribute(Cloud& cloud, const nb::bytes& of, const std::string& type, std::uint32_t components,
                    const Mask& bytes) {
+  const std::string name = text_of(of);
   Attribute attribute;
   attribute.name = name;
   const auto found = std::ranges::find(kTypes, type);

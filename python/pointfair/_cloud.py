@@ -15,7 +15,7 @@ from ._errors import UsageError
 from ._native import Cloud as NativeCloud
 from ._progress import Progress, progress_function
 from ._runs import borrowed, make_params, run_cloud
-from ._values import as_text, as_threads, kind_of
+from ._values import as_text, as_threads, encodable, kind_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -73,8 +73,10 @@ class Cloud:
 
     @property
     def attributes(self) -> dict[str, np.dtype[Any]]:
-        """The type of each attribute, by name; one with several values a point has a type with a shape."""
-        return {name: np.dtype((kind, (n,))) if n > 1 else np.dtype(kind) for name, kind, n in self._native.attributes()}
+        """The type of each attribute, by name; one with several values a point has a type with a shape. Bytes of a name
+        that are no UTF-8 become surrogates, as in Python's names of files."""
+        return {name.decode("utf-8", "surrogateescape"): np.dtype((kind, (n,))) if n > 1 else np.dtype(kind)
+                for name, kind, n in self._native.attributes()}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """The values of an attribute, (N,) or (N, C): a copy. Raises UsageError if there is none. O(N)."""
@@ -87,9 +89,9 @@ class Cloud:
     def values(self, *names: str) -> dict[str, NDArray[Any]]:
         """The values of several attributes, by name; without names, of all: copies. A text file is read once for all of
         them. Raises UsageError if there is none of a name. O(N) for each."""
-        wanted = [as_text(name, "the name of an attribute") for name in names] or list(self.attributes)
+        wanted = list(names) or list(self.attributes)
         found: dict[str, NDArray[Any]] = {}
-        for name, (kind, components, values) in zip(wanted, self._native.values(wanted)):
+        for name, (kind, components, values) in zip(wanted, self._native.values(list(map(_bytes_of, wanted)))):
             typed = values.view(kind)
             found[name] = typed.reshape(-1, components) if components > 1 else typed
         return found
@@ -110,7 +112,7 @@ class Cloud:
         components = array.shape[1] if array.ndim == 2 else 1
         if components == 0:
             raise UsageError(f"attribute '{name}' has the shape {array.shape}: give one value a point at least")
-        self._native.set_attribute(as_text(name, "the name of an attribute"), array.dtype.name, components, array.reshape(-1).view(np.uint8))
+        self._native.set_attribute(_bytes_of(name), array.dtype.name, components, array.reshape(-1).view(np.uint8))
 
     def __contains__(self, name: object) -> bool:
         return name in self.attributes
@@ -177,8 +179,18 @@ class Cloud:
         return len(self._native)
 
     def __repr__(self) -> str:
-        names = ", ".join(f"{name} {kind.base}{list(kind.shape) if kind.shape else ''}" for name, kind in self.attributes.items())
+        names = ", ".join(f"{encodable(name)} {kind.base}{list(kind.shape) if kind.shape else ''}"
+                          for name, kind in self.attributes.items())
         return f"<pointfair.Cloud of {len(self)} points, {self._native.position_type}{'; ' + names if names else ''}>"
+
+
+def _bytes_of(name: str) -> bytes:
+    """Of an attribute, as its file has it."""
+    text = as_text(name, "the name of an attribute")
+    try:
+        return name.encode("utf-8", "surrogateescape")
+    except UnicodeEncodeError:
+        return text.encode()
 
 
 def _three_columns(xyz: Any) -> NDArray[Any]:

@@ -21,6 +21,7 @@ import concurrent.futures
 import contextlib
 import json
 import os
+import posixpath
 import shutil
 import subprocess
 import sys
@@ -77,6 +78,16 @@ def _copy_file(source: str, target: str) -> None:
         raise
 
 
+def _refuse_existing(address: str) -> None:
+    try:
+        files, path = import_module("fsspec.core").url_to_fs(address)
+        exists = files.exists(path)
+    except Exception as error:  # each store has its own
+        raise Error(f"{address}: cannot be looked up: {error}") from None
+    if exists:
+        raise Error(f"{address}: exists already; add --force to replace it")
+
+
 @contextlib.contextmanager
 def _scheduler_lives() -> Iterator[None]:
     """Says in one line that it does not."""
@@ -93,12 +104,38 @@ def _allow_failures(dask_scheduler: Any = None) -> None:
     dask_scheduler.allowed_failures = max(dask_scheduler.allowed_failures, 20)
 
 
+_SWITCHES = ("force", "strict")  # flags of the program that take no value
+
+
 def _flags(parameters: Mapping[str, Any]) -> list[str]:
     words = []
     for name, value in parameters.items():
+        flag = "--" + name.replace("_", "-")
+        if name in _SWITCHES:
+            words += [flag] if value else []
+            continue
         text = ("on" if value else "off") if isinstance(value, bool) else str(value)
-        words += ["--" + name.replace("_", "-"), text]
+        words += [flag, text]
     return words
+
+
+def _parameters(words: Sequence[str]) -> dict[str, Any]:
+    """Of flags: the other way round."""
+    parameters: dict[str, Any] = {}
+    left = iter(words)
+    for word in left:
+        flag, has_value, value = word.partition("=")
+        name = flag.removeprefix("--").replace("-", "_")
+        if not flag.startswith("--"):
+            raise Error(f"{word}: is neither a flag nor the value of one; give the inputs before the flags")
+        if name in _SWITCHES and not has_value:
+            parameters[name] = True
+            continue
+        text = value if has_value else next(left, None)
+        if text is None or name in _SWITCHES:
+            raise Error(f"{flag}: takes {'no' if name in _SWITCHES else 'a'} value")
+        parameters[name] = text
+    return parameters
 
 
 def _is_remote(name: str) -> bool:
@@ -107,6 +144,22 @@ def _is_remote(name: str) -> bool:
 
 def _absolute(name: str) -> str:
     return name if _is_remote(name) else os.path.abspath(name)
+
+
+def _place(name: str) -> str:
+    """The same for names of the same file."""
+    path = name.removeprefix("file://")
+    if not _is_remote(path):
+        return os.path.realpath(path)
+    store, path = path.split("://", 1)
+    return f"{store}://{posixpath.normpath(path)}"
+
+
+def _output_name(name: str) -> str:
+    """As the program writes it into a folder."""
+    file = os.path.basename(name)
+    octree = ".copc.laz"
+    return file[:-len(octree)] + ".laz" if file.lower().endswith(octree) else file
 
 
 class _Cluster:
@@ -153,6 +206,16 @@ class _Job:
         self.work, self.goal, self.into_folder = work, _absolute(output), into_folder
         folder = os.path.join(work, "inputs")
         self.local = [os.path.join(folder, os.path.basename(name)) if _is_remote(name) else name for name in self.names]
+        for number, path in enumerate(self.local):
+            if _is_remote(self.names[number]) and path in self.local[:number]:
+                raise Error(f"{self.names[number]}: two inputs have this name, so their results would be one file; rename one")
+        self.goals = [self.goal]
+        if into_folder:
+            self.goals = [self.goal.rstrip("/") + "/" + _output_name(name) for name in self.names]
+        places = set(map(_place, self.names))
+        for goal in self.goals:
+            if _place(goal) in places:
+                raise Error(f"{goal}: is input and output at once; name another output")
         os.makedirs(folder if any(map(_is_remote, self.names)) else work, exist_ok=True)
 
     def fetched(self) -> list[tuple[str, str]]:
@@ -170,14 +233,19 @@ class _Job:
         os.makedirs(folder, exist_ok=True)
         return ["--out", os.path.join(folder, os.path.basename(self.goal))]
 
+    def kept(self) -> list[str]:
+        """Addresses where nothing may be yet. Where a run goes on, its own outputs may."""
+        begun = os.path.exists(os.path.join(self.work, "plan.txt"))
+        return self.goals if _is_remote(self.goal) and not begun else []
+
     def sent(self) -> list[tuple[str, str]]:
-        """Outputs to be copied, from where and to where."""
+        """Outputs to be copied, once they are there, from where and to where."""
         if not _is_remote(self.goal):
             return []
         target = self.where()[1]
         if not self.into_folder:
             return [(target, self.goal)]
-        files = [os.path.basename(name) for name in self.names]
+        files = sorted(file for file in os.listdir(target) if not file.startswith("."))
         return [(os.path.join(target, file), self.goal.rstrip("/") + "/" + file) for file in files]
 
 
@@ -202,7 +270,7 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
             declare that much get tasks.
         retries: how often a task that failed is tried again.
         program: path of the program on the workers; None: that of this package.
-        **parameters: as the flags of `pointfair tile plan`: k=8, noise="3mm".
+        **parameters: as the flags of `pointfair tile plan`: k=8, noise="3mm", force=True.
 
     Returns:
         The report, as `pointfair tile merge --report`.
@@ -219,14 +287,15 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
     run_words = ["--threads", str(threads), "--device", device, "-q"]
     with _scheduler_lives():
         client.run_on_scheduler(_allow_failures)
+        cluster.each(_refuse_existing, [] if parameters.get("force") else job.kept())
         cluster.each(_copy, job.fetched())
         client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
                       "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
         for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
             if step["done"] < step["tasks"]:
                 cluster.run([f"{step['step']}:{number}" for number in range(step["tasks"])], tool, job.work, *run_words)
+        report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", job.work, "-q", "--report", "-"))
         cluster.each(_copy, job.sent())
-    report: dict[str, Any] = json.loads(_call(tool, "tile", "merge", job.work, "-q", "--report", "-"))
     return report
 
 
@@ -247,8 +316,8 @@ def main(words: Sequence[str]) -> int:
     parser.add_argument("--retries", type=int, default=3)
     parser.add_argument("--program", help="where the workers have the program")
     given, rest = parser.parse_known_args(words)
-    parameters: dict[str, Any] = dict(zip((flag.removeprefix("--").replace("-", "_") for flag in rest[::2]), rest[1::2]))
     try:
+        parameters = _parameters(rest)
         try:
             client = import_module("distributed").Client(given.scheduler)
         except OSError as error:

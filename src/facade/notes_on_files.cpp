@@ -2,7 +2,6 @@
 #include <algorithm>
 #include <cstddef>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <span>
 #include <string>
@@ -117,12 +116,20 @@ std::vector<std::string> notes_on_waveforms(const Cloud& cloud) {
 
 namespace {
 
-// The files of materials that an OBJ file names before its first vertex.
-std::vector<std::string> libraries_of(const std::filesystem::path& path) {
+// The files of materials that an OBJ file names: a line names one with blanks, or several without.
+std::vector<std::string> libraries_of(const Cloud& cloud, const std::filesystem::path& folder) {
   std::vector<std::string> names;
-  std::ifstream file(path);
-  for (std::string line; std::getline(file, line) && !line.starts_with("v ");)
-    if (line.starts_with("mtllib ")) names.push_back(line.substr(7, line.find_last_not_of(" \t\r") - 6));
+  std::error_code ignored;
+  const auto add = [&](std::string_view name) {
+    if (std::ranges::find(names, name) == names.end()) names.emplace_back(name);
+  };
+  for (const std::string& line : cloud.source->materials().libraries) {
+    std::string_view rest = line, word;
+    if (!line.empty() && std::filesystem::exists(folder / line, ignored))
+      add(line);
+    else
+      while (io::next_word(rest, word)) add(word);
+  }
   return names;
 }
 
@@ -139,10 +146,10 @@ std::vector<std::string> notes_on_materials(const Cloud& cloud, const std::files
                                             const std::filesystem::path& to, std::optional<Format> format) {
   const Format own = file_info(cloud).format.value_or(Format::xyz);
   const bool is_obj = own == Format::obj;
-  if ((!is_obj && own != Format::ply) || format != own || from == "-" || to == "-") return {};
+  if ((!is_obj && own != Format::ply) || format != own || from.empty() || from == "-" || to == "-") return {};
   std::string names;
   std::error_code ignored;
-  for (const std::string& name : is_obj ? libraries_of(from) : pictures_of(cloud))
+  for (const std::string& name : is_obj ? libraries_of(cloud, from.parent_path()) : pictures_of(cloud))
     if (!std::filesystem::exists(to.parent_path() / name, ignored) &&
         std::filesystem::exists(from.parent_path() / name, ignored))
       names += (names.empty() ? "" : ", ") + name;

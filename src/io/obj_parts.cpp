@@ -42,7 +42,7 @@ class PartsReader {
       if (kind == ObjLine::other) take_other(words);
     });
     parts_.normals = normals_.size();
-    if (so_far_.textures == 0) parts_.materials = {};
+    if (so_far_.textures == 0) parts_.materials.all.clear();
     if (parts_.damage.empty()) {
       give_normals();
       tell_texture();

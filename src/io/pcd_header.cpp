@@ -240,8 +240,9 @@ std::string pcd_header_of(std::string_view text, char line_end, std::uint64_t po
   for (std::string_view line; next_line(text, line, line_end);) {
     const Words words = words_of(line);
     if (words.size() < 2) continue;
-    if (words[0] == "WIDTH" || words[0] == "POINTS") patched.replace(words[1], std::to_string(points));
-    if (words[0] == "HEIGHT") patched.replace(words[1], "1");
+    const std::string key = upper_case(words[0]);
+    if (key == "WIDTH" || key == "POINTS") patched.replace(words[1], std::to_string(points));
+    if (key == "HEIGHT") patched.replace(words[1], "1");
   }
   patched.finish();
   return result;

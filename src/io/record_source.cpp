@@ -118,6 +118,13 @@ ScalarType RecordSource::coordinate_type() const {
   return std::ranges::any_of(layout_.xyz, needs_double) ? ScalarType::float64 : ScalarType::float32;
 }
 
+FileInfo RecordSource::info() const {
+  FileInfo result;
+  if (std::ranges::any_of(layout_.xyz, [&](std::size_t f) { return is_integer(layout_.fields[f].type); }))
+    result.step = 1;
+  return result;
+}
+
 std::vector<Column> RecordSource::columns() const {
   std::vector<Column> result;
   for (const std::size_t f : shown_) result.push_back(layout_.fields[f]);

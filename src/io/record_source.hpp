@@ -43,6 +43,8 @@ class RecordSource : public Source {
   ScalarType coordinate_type() const override;
   std::vector<Column> columns() const override;
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
+  /// The step of coordinates that are integers.
+  FileInfo info() const override;
 
  protected:
   std::string header(const Edits&) const override { return std::string(bytes().substr(0, layout_.begin)); }

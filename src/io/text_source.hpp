@@ -69,6 +69,12 @@ class TextSource : public Source {
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void extract_several_of_block(std::size_t block, std::span<const std::span<char>> out) const override;
   std::vector<Content> contents() const override;
+  /// The step of coordinates that are declared as integers.
+  FileInfo info() const override {
+    FileInfo result;
+    result.step = layout_.integers ? 1 : 0;
+    return result;
+  }
 
  protected:
   void append_block(std::size_t block, const Moves& moves, const Edits& edits, std::string& to) const override;

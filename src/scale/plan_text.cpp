@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // A plan as text.
-#include <cstdio>
-#include <cstdlib>
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <limits>
+#include <locale>
 #include <sstream>
+#include <string_view>
 #include <utility>
 
 #include "io/file_bytes.hpp"
@@ -15,20 +19,26 @@ namespace {
 
 std::string first_line() { return "pointfair-plan " + std::string(version()) + " files " + std::to_string(kWorkFiles); }
 
+// As "%a", but the same in each locale: other processes, of other machines, read it.
 std::string text_of(double value) {
-  char digits[64];
-  std::snprintf(digits, sizeof digits, "%a", value);
-  return digits;
+  char digits[32];
+  char* end = std::to_chars(digits, digits + sizeof digits, std::fabs(value), std::chars_format::hex).ptr;
+  return std::string(std::signbit(value) ? "-0x" : "0x").append(digits, end);
 }
 
 double parse_number(std::istream& in) {
   std::string word;
   in >> word;
-  return std::strtod(word.c_str(), nullptr);
+  const bool minus = word.starts_with('-');
+  const std::string_view digits = std::string_view(word).substr(std::min(word.size(), std::size_t(minus ? 3 : 2)));
+  double value = std::numeric_limits<double>::quiet_NaN();
+  std::from_chars(digits.data(), digits.data() + digits.size(), value, std::chars_format::hex);
+  return minus ? -value : value;
 }
 
 void read_line(const std::string& line, Plan& plan) {
   std::istringstream in(line);
+  in.imbue(std::locale::classic());
   std::string key, word;
   in >> key;
   const auto rest = [&] {
@@ -104,6 +114,7 @@ void read_line(const std::string& line, Plan& plan) {
 
 std::string text_of(const Plan& plan) {
   std::ostringstream out;
+  out.imbue(std::locale::classic());
   out << first_line() << "\nmemory " << plan.memory << "\npoints " << plan.points << "\niterations " << plan.iterations
       << "\ntiles " << plan.tiles << "\n";
   out << "origin";

@@ -9,7 +9,7 @@ import tempfile
 import unittest
 from pathlib import Path
 
-from program import BIN, Case, positions, run, sphere_points, write_ply
+from program import BIN, CUBE_FACES, CUBE_VERTICES, Case, positions, run, sphere_points, write_off, write_ply
 
 SANITIZED = any(name in Path(BIN).read_bytes() for name in (b"__asan_init", b"__tsan_init"))
 NOBODY = 65534
@@ -202,6 +202,12 @@ class Streams(Case):
                 result = self.shell(line)
                 self.assertEqual((result.stdout == self.expected, result.stderr), (True, b""))
         self.assertEqual(self.shell('"$P" run in.ply /dev/null').returncode, 0)
+
+    def test_a_named_pipe_is_opened_once(self):
+        mesh = write_off(self.path("a.off"), CUBE_VERTICES, CUBE_FACES)
+        self.ok("run", mesh, self.path("a.obj"), "--strength", 0, "-q")
+        result = self.shell('mkfifo in.obj; cat a.obj > in.obj & timeout 20 "$P" run in.obj out.obj; code=$?; wait; exit $code')
+        self.assertEqual(result.returncode, 0, result.stderr)
 
     def test_what_a_shell_redirects_to_is_written_behind_what_is_there(self):
         self.shell('{ echo before; "$P" run -q in.ply /dev/stdout; echo after; } > all')

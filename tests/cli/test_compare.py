@@ -225,6 +225,8 @@ class Edges(Case):
     def test_a_cloud_has_no_edges(self):
         cloud = write_ply(self.path("cloud.ply"), self.near_cube(10))
         self.fails(2, "compare", cloud, cloud, "--edges", 40, says="mesh")
+        for angle in ("nan", "181", "-1", "wide"):
+            self.fails(2, "compare", cloud, cloud, "--edges", angle, says=f"'{angle}' is no number from 0 to 180")
 
 
 def cross(u, v):

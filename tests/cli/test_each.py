@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import random
 import shutil
 import signal
 import struct
@@ -147,6 +148,27 @@ class Each(Case):
         self.each("--strength", 0, "--report", self.path("rows.csv"))
         rows = list(csv.DictReader(self.path("rows.csv").read_text().splitlines()))
         self.assertEqual({(row["spacing"], row["noise"]) for row in rows}, {("", "")})
+
+    def test_files_in_tiles_have_numbers_and_notes(self):
+        large = self.path("large.ply")
+        count = 400_000
+        points = random.Random(1)
+        rows = b"".join(struct.pack("<6f", points.random(), points.random(), points.gauss(0, 1e-3), 0, 0, 1) for _ in range(count))
+        names = "".join(f"property float {name}\n" for name in ("x", "y", "z", "nx", "ny", "nz"))
+        large.write_bytes(f"ply\nformat binary_little_endian 1.0\nelement vertex {count}\n{names}end_header\n".encode() + rows)
+        for report in (self.path("rows.csv"), self.path("rows.json")):
+            said = self.ok("run", large, self.stations / "a.ply", "--each", "--out-dir", self.out, "--preset", "paper", "--memory",
+                           "64M", "--progress", "plain", "--report", report, "--force").stderr.decode()
+            self.assertIn("[1/2]", said)
+            self.assertIn(f"large.ply: {count} points, noise 0.00", said)
+            self.assertIn("the normals in the file are those from before", said)
+            self.assertIn("1/2 denoise-1\n", said)
+        row = next(csv.DictReader(self.path("rows.csv").read_text().splitlines()))
+        self.assertEqual((row["status"], row["points"]), ("done", str(count)))
+        self.assertTrue(all(float(row[name]) > 0 for name in ("spacing", "noise", "moved_mean", "moved_max", "milliseconds")), row)
+        its = json.loads(self.path("rows.json").read_text())["files"][0]["run"]
+        self.assertEqual((its["points"], its["displacement"]["mean"] > 0), (count, True))
+        self.assertTrue(any("normals" in note for note in its["notes"]), its["notes"])
 
     def test_progress_is_over_all(self):
         lines = [json.loads(line) for line in self.each("--progress", "json").splitlines() if line.startswith("{")]

@@ -2,7 +2,7 @@
 """What a conversion loses is told, --strict refuses it, and options say what a text does not."""
 from pathlib import Path
 
-from program import Case
+from program import Case, positions, sphere_points, write_ply
 from survey_files import ground, write_old_las
 
 DOCUMENTATION = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
@@ -63,6 +63,36 @@ class Losses(Case):
                           says=["1e-09", "less than a million times finer", "0.001"])
         self.assertNotIn("whole number", said)
         self.fails(2, "run", scan, self.path("b.las"), "--las-scale", "0.0007", says="divided by a whole number")
+
+    def test_new_las_files_reach_small_clouds_wherever_they_are(self):
+        for size, place in ((0.05, 0.5), (1e-3, -0.7), (1e-6, 123.4), (3.0, 4.5e6), (1e-9, 0.999)):
+            points = [tuple(place + size * share for share in at) for at in ((0, 0, 0), (1, 0.3, 0.7), (0.2, 1, 0.9))]
+            cloud = write_ply(self.path("a.ply"), points, scalar="double")
+            for words in (("b.las",), ("b.laz",), ("b.copc.laz",), ("b.las", "--las-scale", size * 1e-9)):
+                with self.subTest(size=size, place=place, words=words):
+                    self.ok("run", cloud, self.path(words[0]), *words[1:], "--strength", 0, "-q", "--force")
+                    self.ok("run", self.path(words[0]), self.path("c.ply"), "--strength", 0, "-q", "--force")
+                    for before, after in zip(points, positions(self.path("c.ply"))):
+                        for p, q in zip(before, after):
+                            self.assertLess(abs(p - q), 1e-8 * size + 4e-16 * abs(place))
+
+    def test_the_scale_of_a_new_las_file_is_a_length(self):
+        cloud = write_ply(self.path("a.ply"), sphere_points(100, 0.01))
+        for scale in ("inf", "nan", "0", "-0.001"):
+            self.fails(2, "run", cloud, self.path("b.las"), "--las-scale", scale, says=["scale cannot be", "such as 0.001"])
+
+    def test_coordinates_that_are_integers_are_rounded_and_the_run_says_so(self):
+        header = "ply\nformat ascii 1.0\nelement vertex 900\n" + "".join(f"property int {axis}\n" for axis in "xyz")
+        rows = "".join(f"{10 * (i % 30)} {10 * (i // 30)} {i * i % 7 // 6}\n" for i in range(900))
+        self.put("a.ply", header + "end_header\n" + rows)
+        self.ok("run", self.path("a.ply"), self.path("b.ply"), "--encoding", "binary", "--strength", 0, "-q")
+        for name in ("a.ply", "b.ply"):
+            for words in ((), ("--tiles", 2)):
+                said = self.ok("run", self.path(name), self.path("c.ply"), "--noise", 0.3, "--force", *words).stderr.decode()
+                self.assertIn("coordinates are stored in steps of 1: rounding adds 0.29 on each axis", said)
+                self.assertIn("the steps of 1 between stored coordinates are coarse against the noise of 0.3", said)
+            self.assertEqual(self.report("info", self.path(name))["file"]["step"], 1)
+        self.assertNotIn("steps", self.ok("run", self.path("a.ply"), self.path("c.pcd"), "--noise", 0.3).stderr.decode())
 
     def test_a_length_in_metres_is_not_repeated_in_a_unit_that_nobody_typed(self):
         said = self.fails(2, "run", self.put("a.xyz", ROWS), self.path("b.xyz"), "--noise", "3mm", says="how long its unit is")

@@ -41,6 +41,10 @@ class Mesh(Case):
         self.assertNotIn("beside the input only", said(self.path("beside.obj")))
         (folder / "my statue.mtl").write_text("")
         self.assertNotIn("beside the input only", said(folder / "out.obj"))
+        self.path("a.mtl").write_text("")
+        self.path("b.mtl").write_text("")
+        source.write_text("\n".join(lines[1:] + ["mtllib a.mtl b.mtl", "mtllib a.mtl"]) + "\n")
+        self.assertIn("beside the input only lies what the result names: a.mtl, b.mtl. Copy", said(folder / "out.obj"))
 
     def test_pictures_that_stay_beside_the_input_are_told(self):
         head = "ply\nformat ascii 1.0\ncomment TextureFile here.png\ncomment TextureFile a skin.png\nelement vertex 576\n"

@@ -52,7 +52,7 @@ class Misunderstood(Case):
         self.refused("view", "--port", "99999", says="--port cannot be '99999'")
 
     def test_ranges_are_told_in_plain_numbers(self):
-        self.refused("compare", self.cloud, self.cloud, "--edges", "400", says="range 0 to 180;")
+        self.refused("compare", self.cloud, self.cloud, "--edges", "400", says="no number from 0 to 180;")
 
     def test_a_work_folder_that_is_a_file(self):
         self.fails(3, "run", self.cloud, self.out, "--work", self.cloud, says=["in.ply", "this work folder cannot be made"])

@@ -124,7 +124,8 @@ class Refusals(Case):
         self.fails(2, "noise", mesh, out, "--points", 10, "--sigma", "-1%", says="sigma")
         self.fails(2, "noise", mesh, out, "--points", 10, "--sigma", "wide", says="wide")
         self.fails(2, "noise", mesh, out, "--points", 10, "--outliers", "101%", says="outliers")
-        self.fails(2, "noise", mesh, out, "--points", 10, "--uneven", "0.5", says="uneven")
+        for ratio in ("0.5", "nan"):
+            self.fails(2, "noise", mesh, out, "--points", 10, "--uneven", ratio, says=["--uneven", "from 1 to 1000000"])
         self.fails(2, "noise", mesh, out, "--points", "many", says="points")
         self.fails(2, "noise", mesh, out, "--uneven", "50", says="--points")
 

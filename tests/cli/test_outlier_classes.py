@@ -154,6 +154,14 @@ class Classes(Case):
         self.assertIn("VIEWPOINT 5 6 900", text)
         self.assertEqual(len(text.split("DATA ascii\n")[1].splitlines()), 3560)
 
+    def test_pcd_headers_in_small_letters_have_the_new_number_of_points(self):
+        head = "version 0.7\nfields x y z\nsize 4 4 4\ntype F F F\ncount 1 1 1\nwidth {}\nheight {}\npoints {}\ndata binary\n"
+        source, cut = self.path("in.pcd"), self.path("cut.pcd")
+        source.write_bytes(head.format(60, 60, 3600).encode() + b"".join(struct.pack("<3f", *p) for p in self.points))
+        self.ok("run", source, cut, "--outliers", "remove", "-q")
+        self.assertTrue(cut.read_bytes().startswith(head.format(3560, 1, 3560).encode()))
+        self.ok("info", cut)
+
     def test_the_page_on_a_result_without_its_outliers(self):
         ids = ("uchar", "classification", [i % 3 for i in range(3600)])
         source, page = write_ply(self.path("in.ply"), self.points, extra=[ids]), self.path("r.html")

@@ -211,6 +211,21 @@ class Pages(Case):
         self.ok("certify", self.scan, self.out, "--report", self.html, "-q")
         self.assertTrue(Page(self.html).rows["outliers"][0][0].startswith(f"{marked} ("))
 
+    def test_what_is_said_of_the_input_holds_for_its_copy(self):
+        points = sphere_points(400, 0.01)
+        self.path("a.bin").write_bytes(b"".join(struct.pack("<4f", *p, 0.5) for p in points))
+        self.path("a.txt").write_text("scan 7\n" + "".join(f"{i} {x:.6f} {y:.6f} {z:.6f}\n" for i, (x, y, z) in enumerate(points)))
+        text = ("--columns", "id,x,y,z", "--skip", 1)
+        for name, words in (("bin", ("--in-format", "kitti")), ("txt", text)):
+            source, result = self.path(f"a.{name}"), self.path(f"b.{name}")
+            self.ok("run", source, result, *words, "--report", self.path(f"{name}.html"), "-q")
+            self.ok("certify", source, result, *words, "-q")
+            for page in (Page(self.path(f"{name}.html")), Page(self.path(f"b.html"))):
+                self.assertEqual(page.rows["points"][0][0].split(",")[0], "400")
+            self.path("b.html").unlink()
+        self.ok("run", self.path("a.txt"), self.path("c.ply"), *text, "--report", self.path("c.html"), "-q")
+        self.ok("certify", self.path("a.txt"), self.path("c.ply"), *text, "-q", "--force")
+
     def test_pages_know_that_copc_has_another_order(self):
         points = [(x * 0.1, y * 0.1, 0.001 * ((7 * x + y) % 5)) for x in range(80) for y in range(80)]
         tile, copc = write_las(self.path("in.las"), points, [2] * len(points)), self.path("out.copc.laz")

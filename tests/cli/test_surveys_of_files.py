@@ -54,6 +54,17 @@ class Surveys(Case):
         self.same(self.vpc([str(self.tiles / "part0.las"), "file://" + str(self.tiles / "part1.las")]))
         self.same(self.vpc(["./tiles/part1.las"]), self.tiles / "part0.las")
 
+    def test_a_vpc_may_encode_names(self):
+        for n, name in enumerate(("part 0.las", "100%25.las")):
+            for folder in (self.tiles, self.path("wanted")):
+                (folder / f"part{n}.las").rename(folder / name)
+        for number, hrefs in enumerate((["./tiles/part%200.las", "tiles/100%25.las"],
+                                        [f"file://{self.tiles}/part%200.las", "./tiles/100%2525.las"])):
+            out = self.path(f"out{number}")
+            self.ok("run", self.vpc(hrefs), "--out-dir", out, "-q")
+            for name in ("part 0.las", "100%25.las"):
+                self.assertEqual((out / name).read_bytes(), (self.path("wanted") / name).read_bytes())
+
     def test_octrees_come_back_as_laz(self):
         if run("run", self.tiles / "part0.las", self.path("a.copc.laz"), "--strength", "0").returncode != 0:
             self.skipTest("built without LASzip")

@@ -186,6 +186,18 @@ class Bits(Case):
         self.assertRegex(limited.stderr, rb"would take \d\d+ MB of memory, and \d+ MB are free: .*computed in tiles on disk")
         self.assertEqual(whole.read_bytes(), cut.read_bytes())
 
+    def test_a_file_that_is_read_by_flags_is_computed_in_memory_whatever_its_size(self):
+        rows = "".join(f"{i} {x:.6f} {y:.6f} {z:.6f}\n" for i, (x, y, z) in enumerate(sphere_points(5000, 0.01)))
+        source, out = self.path("in.txt"), self.path("out.txt")
+        source.write_text(rows * 20)
+        flags = ["--columns", "id,x,y,z", "--preset", "paper"]
+        limited = run("run", source, out, *flags, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_DATA, (200 << 20,) * 2))
+        self.assertEqual(limited.returncode, 0, limited.stderr)
+        self.assertEqual(len(out.read_text().splitlines()), 100000)
+        says = "--in-format, --columns and --skip cannot be used with a run in tiles on disk (--memory"
+        self.fails(2, "run", source, self.path("no.txt"), *flags, "--memory", "64M", says=says)
+        self.fails(3, "run", self.path("none.txt"), self.path("no.txt"), *flags, "--memory", "64M", says="none.txt: cannot open")
+
     def test_several_files_are_one_cloud(self):
         rows = list(ground(8100))
         whole = write_las(self.path("whole.las"), rows, [2] * len(rows))
@@ -379,5 +391,20 @@ class Refusals(Case):
         self.fails(2, "run", source, out, source, says="--out-dir")
         for words in (("--format", "las"), ("--encoding", "ascii"), ("--strict",)):
             self.fails(2, "run", source, mesh, "--out-dir", self.path("results"), *words, says=" ".join(words))
+            self.fails(2, "tile", "plan", source, mesh, "--out-dir", self.path("results"), "--work", self.path("work"), *words,
+                       says=" ".join(words))
         self.assertFalse(self.path("results").exists())
         self.fails(3, "tile", "run", self.folder, "--all", says="no plan")
+
+    def test_a_report_replaces_no_cloud(self):
+        source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
+        before, work = source.read_bytes(), self.path("work")
+        work.mkdir()
+        self.fails(2, "run", source, self.path("out.ply"), "--work", work, "--tiles", 2, "--report", source, says="name of a cloud")
+        self.ok("tile", "plan", source, "--out", self.path("out.ply"), "--work", work)
+        self.ok("tile", "run", work, "--all", "-q")
+        for part in ("status", "merge"):
+            self.fails(2, "tile", part, work, "--report", source, says="name of a cloud")
+            self.fails(2, "tile", part, work, "--report", self.path("page.html"), says="name a .json file")
+            self.fails(3, "tile", part, work, "--report", self.path("none/report.json"), says="no folder")
+        self.assertEqual(source.read_bytes(), before)

@@ -4,6 +4,7 @@ import base64
 import json
 import os
 import resource
+import shlex
 import signal
 import socket
 import struct
@@ -228,6 +229,16 @@ class View(Case):
             self.assertTrue(client.message_of("error")["message"])
         client.send(frame(b'{"type":"run","id":9,"params":{"k":"8"}}'))
         self.assertEqual(client.message_of("result")["id"], 9)
+
+    def test_the_command_reads_the_file_as_it_was_read(self):
+        rows = "".join(f"{i} {x:.6f} {y:.6f} {z:.6f}\n" for i, (x, y, z) in enumerate(sphere_points(500, 0.01)))
+        self.path("in.txt").write_text("scan\n" + rows)
+        self.url = self.start(self.path("in.txt"), "--columns", "id,x,y,z", "--skip", "1")
+        client = self.session()
+        client.send(frame(b'{"type":"run","id":1,"params":{"k":"8"}}'))
+        words = shlex.split(client.message_of("result")["command"])
+        self.ok(*words[1:], "-q", cwd=self.folder)
+        self.assertEqual(self.report("info", self.path("denoised.ply"))["points"], 500)
 
     def test_a_message_may_come_in_pieces(self):
         client = self.session()

@@ -32,6 +32,26 @@ def test_arrays_become_files(tmp_path):
     assert len(pf.Cloud(np.empty((0, 3)))) == 0
 
 
+def test_names_of_attributes_may_have_letters_of_any_kind(tmp_path):
+    xyz, heights = waves(100), np.arange(100, dtype=np.float32)
+    pf.Cloud(xyz, {"höhe €": heights}).write(tmp_path / "a.npy")
+    assert np.load(tmp_path / "a.npy").dtype.names == ("x", "y", "z", "höhe €")
+    assert same_bits(pf.read(tmp_path / "a.npy")["höhe €"], heights)
+    rows = "".join(f"{x},{y},{z},{h}\n" for (x, y, z), h in zip(xyz, heights))
+    (tmp_path / "latin.csv").write_bytes(("x,y,z,höhe\n" + rows).encode("latin-1"))  # as spreadsheets write it
+    cloud = pf.read(tmp_path / "latin.csv")
+    name = "höhe".encode("latin-1").decode("utf-8", "surrogateescape")
+    assert list(cloud.attributes) == [name] and list(cloud.values()) == [name]
+    assert same_bits(cloud[name].astype(np.float32), heights)
+    assert "h\\udcf6he" in repr(cloud)
+    cloud.write(tmp_path / "latin.npy")
+    assert np.load(tmp_path / "latin.npy").dtype.names[3] == "höhe"
+    copied = pf.Cloud(xyz, {name: heights})
+    assert list(copied.attributes) == [name]
+    with pytest.raises(pf.UsageError, match="no attribute"):
+        cloud["\ud800"]
+
+
 @pytest.mark.parametrize("kind", ["i1", "u1", "i2", "u2", "i4", "u4", "f4", "f8", ">f8", "?"])
 def test_attributes_of_each_type_survive_a_file(tmp_path, kind):
     values = np.arange(100).astype(kind)
@@ -99,7 +119,8 @@ def two_walls():
 
 def test_distances_between_points_tell_where_the_sensor_stood():
     walls, far = two_walls(), np.array([500000.0, 5.4e6, 100.0])
-    for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far)):
+    near = np.array([3000.0, -2000.0, 500.0])  # whose floats have an origin
+    for points, origin in ((walls.astype(np.float32), 0), (walls, 0), (walls + far, far), ((walls + near).astype(np.float32), near)):
         report = pf.denoise(points, return_report=True)[1]
         assert np.linalg.norm(report.found_sensor - np.asarray(origin)) < 0.7
         assert report.unmoved.outliers_by_reason.mixed_pixels == 60 and report.pulled.mixed_pixels == 0
@@ -406,7 +427,7 @@ def test_compare_measures_what_geometry_says(tmp_path):
     assert pf.compare(flat, pf.Cloud(flat)).max == 0
     with pytest.raises(pf.FileError, match="missing"):
         pf.compare(flat, tmp_path / "missing.ply")
-    with pytest.raises(pf.UsageError, match="^edges: .* range 0 to 180$"):
+    with pytest.raises(pf.UsageError, match="^edges: .* no number from 0 to 180$"):
         pf.compare(flat, flat, edges=1000)
     with pytest.raises(pf.UsageError, match="threads cannot be"):
         pf.compare(flat, flat, threads=1.0)

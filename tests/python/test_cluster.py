@@ -62,6 +62,59 @@ def test_files_of_a_store_are_copied(client, source, tmp_path):
     assert (tmp_path / "store.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
 
 
+def test_inputs_of_one_name_in_a_store_are_refused(client, source, tmp_path):
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / source.name).write_bytes(source.read_bytes())
+    inputs = [f"file://{source}", f"file://{tmp_path}/other/{source.name}"]
+    with pytest.raises(pointfair.Error, match=f"other/{source.name}: two inputs have this name"):
+        pointfair.cluster.denoise(client, inputs, output_folder=f"file://{tmp_path}/out", work=str(tmp_path / "work"),
+                                  program=PROGRAM)
+
+
+def test_an_input_in_a_store_is_not_replaced(client, source, tmp_path):
+    before = source.read_bytes()
+    work, address = str(tmp_path / "work"), f"file://{source}"
+    for given in ({"output": address}, {"output": f"file://{tmp_path}/./{source.name}"},
+                  {"output_folder": f"file://{tmp_path}/"}):
+        with pytest.raises(pointfair.Error, match="is input and output at once; name another output"):
+            pointfair.cluster.denoise(client, address, work=work, program=PROGRAM, force=True, **given)
+    assert source.read_bytes() == before
+
+
+def test_an_output_in_a_store_is_replaced_by_force(client, source, tmp_path):
+    there = tmp_path / "out.ply"
+    there.write_bytes(b"precious")
+    words = {"work": str(tmp_path / "work"), "tiles": 3, "program": PROGRAM}
+    with pytest.raises(pointfair.Error, match="out.ply: exists already; add --force to replace it"):
+        pointfair.cluster.denoise(client, f"file://{source}", f"file://{there}", **words)
+    assert there.read_bytes() == b"precious"
+    for _ in range(2):  # a run that goes on replaces what it wrote
+        pointfair.cluster.denoise(client, f"file://{source}", f"file://{there}", **words, force=True)
+        assert there.read_bytes() == (tmp_path / "whole.ply").read_bytes()
+
+
+def test_results_in_a_store_have_the_names_of_the_program(client, source, tmp_path):
+    octree = tmp_path / "in.copc.laz"
+    subprocess.run([PROGRAM, "run", source, octree, "--strength", "0", "-q"], check=True)
+    out = tmp_path / "out"
+    out.mkdir()
+    pointfair.cluster.denoise(client, f"file://{octree}", output_folder=f"file://{out}", work=str(tmp_path / "work"),
+                              program=PROGRAM)
+    assert [file.name for file in out.iterdir()] == ["in.laz"]
+
+
+def test_flags_of_the_program_are_passed_on_or_refused():
+    words = ["--noise=3mm", "--force", "--strict", "--k", "8", "--closeness-sigma", "0.6r"]
+    assert pointfair.cluster._flags(pointfair.cluster._parameters(words)) == \
+        ["--noise", "3mm", "--force", "--strict", "--k", "8", "--closeness-sigma", "0.6r"]
+    for words, line in ((["--k"], "--k: takes a value"), (["--k", "8", "b.laz"], "b.laz: is neither a flag"),
+                        (["--force=yes"], "--force: takes no value")):
+        with pytest.raises(pointfair.Error, match=line):
+            pointfair.cluster._parameters(words)
+    given = {"force": False, "strict": True, "constraint": False}
+    assert pointfair.cluster._flags(given) == ["--strict", "--constraint", "off"]
+
+
 def test_a_bad_parameter_is_the_programs_own_line(client, source, tmp_path):
     with pytest.raises(pointfair.Error, match="k"):
         denoise(client, source, tmp_path, k=-3, retries=0)

@@ -37,8 +37,20 @@ Range range_of(const std::vector<Position>& positions) {
   return range;
 }
 
+// Where the integers of an axis count from: a whole number, or where steps are so fine that 32 bits do not reach the
+// points from there, a multiple of a hundred million steps near them.
+double choose_offset(double min, double max, double scale) {
+  constexpr double kReach = std::numeric_limits<std::int32_t>::max();
+  const double many = 1e8 * scale;
+  for (const double offset : {std::floor(min), std::floor(min / many) * many})
+    if ((max - offset) / scale <= kReach && (min - offset) / scale >= -kReach) return offset;
+  return min;
+}
+
 // A power of ten that divides the extent into 1e8 to 1e9 steps: finer than floats are, and 32 bits hold it.
 Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
+  if (wanted && !(*wanted > 0 && std::isfinite(*wanted)))
+    refuse("the scale cannot be " + listed_numbers({&*wanted, 1}, 10) + ": give a positive length, such as 0.001");
   double extent = 0;
   for (std::size_t axis = 0; axis < 3; ++axis) extent = std::max(extent, range.max[axis] - range.min[axis]);
   double scale = 0.001;
@@ -51,7 +63,8 @@ Scaling choose_scaling(const Range& range, std::optional<double> wanted) {
     refuse("the coordinates are too far apart for the scale of a LAS file; give a coarser one, or write PLY or PCD");
   Scaling scaling;
   scaling.scale.fill(scale);
-  for (std::size_t axis = 0; axis < 3; ++axis) scaling.offset[axis] = std::floor(range.min[axis]);
+  for (std::size_t axis = 0; axis < 3; ++axis)
+    scaling.offset[axis] = choose_offset(range.min[axis], range.max[axis], scale);
   return scaling;
 }
 

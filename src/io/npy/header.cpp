@@ -185,14 +185,30 @@ std::string type_text(const Field& field) {
   return "'" + order + std::string(word) + "'";
 }
 
-// Padded so that the values begin at a multiple of 64 bytes.
+// Text with letters beyond ASCII. Names of other files may be Latin-1.
+bool is_utf8(std::string_view text) {
+  const auto byte = [&](std::size_t at) { return at < text.size() ? static_cast<unsigned char>(text[at]) : 0U; };
+  bool is_beyond = false;
+  for (std::size_t at = 0; at < text.size(); ++at) {
+    if (byte(at) < 0x80) continue;
+    is_beyond = true;
+    const int more = byte(at) >= 0xF0 ? 3 : byte(at) >= 0xE0 ? 2 : 1;
+    if (byte(at) < 0xC2 || byte(at) > 0xF4) return false;
+    for (int i = 0; i < more; ++i)
+      if ((byte(++at) & 0xC0) != 0x80) return false;
+  }
+  return is_beyond;
+}
+
+// Padded so that the values begin at a multiple of 64 bytes. Headers of version 3 are UTF-8, those before it Latin-1.
 std::string framed(std::string text) {
-  const bool is_long = text.size() > 65000;
+  const bool has_letters = is_utf8(text);
+  const bool is_long = text.size() > 65000 || has_letters;
   const std::size_t front = kMagic.size() + 2 + (is_long ? 4 : 2);
   text.append(63 - (front + text.size()) % 64, ' ');
   text += '\n';
   std::string result(kMagic);
-  result += is_long ? '\2' : '\1';
+  result += has_letters ? '\3' : is_long ? '\2' : '\1';
   result += '\0';
   for (std::size_t byte = 0; byte < (is_long ? 4U : 2U); ++byte)
     result += static_cast<char>(text.size() >> 8 * byte & 255);
