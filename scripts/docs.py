@@ -43,7 +43,11 @@ def run(*command):
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--dist", type=pathlib.Path, required=True, help="where the wheel is")
-    wheel, = parser.parse_args().dist.glob("pointfair-*.whl")
+    dist = parser.parse_args().dist
+    wheels = sorted(dist.glob("pointfair-*.whl"))
+    if len(wheels) != 1:
+        parser.error(f"{dist} holds {len(wheels)} wheels of pointfair; name a folder that holds one")
+    wheel = wheels[0]
     WORK.mkdir(parents=True, exist_ok=True)
     tools = make_tools(wheel.resolve())
     run("doxygen", "scripts/Doxyfile")
