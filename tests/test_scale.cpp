@@ -166,7 +166,7 @@ TEST(Scale, a_file_that_is_not_finished_never_appears) {
 Noise noise_over(unsigned char before) {
   alignas(Noise) unsigned char bytes[sizeof(Noise)];
   std::memset(bytes, before, sizeof bytes);
-  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 3, 4, true, 5, 6, 7, true};
+  ::new (static_cast<void*>(bytes)) Noise{0.5, 1, 3, 4, 0.5, true, 5, 6, 7, true};
   Noise noise;
   std::memcpy(static_cast<void*>(&noise), bytes, sizeof noise);
   return noise;

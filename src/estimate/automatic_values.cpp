@@ -86,7 +86,7 @@ int automatic_min_neighbors(const Noise& noise, double spacing) {
   const double gap = noise.gap / spacing, count = std::numbers::pi * gap * gap;
   if (gap > kSeparableGap + kApartFromNoise * noise.sigma / spacing)  // the nearest points end before the other sheet
     return std::min(kMinNeighbors, int(kOneSheet * count));
-  if (noise.gap > kQuietSheets * noise.sigma) return kMinNeighbors;
+  if (noise.gap > kQuietSheets * noise.sigma && noise.sheets < kMostlySheets) return kMinNeighbors;
   return std::clamp(int(kBothSheets * count), kMinNeighbors, kMaxMinNeighbors);
 }
 

@@ -19,7 +19,7 @@ namespace pointfair::constants {
 // Samples.                                               unit; equation; measured by
 inline constexpr std::size_t kNoiseSamples = 500, kLeastSamples = 128;  // samples of the cloud; (8); estimates, 028
 inline constexpr std::uint64_t kPointsOfSample = 8;                     // points of the cloud for one, in between; 028
-inline constexpr std::uint64_t kPointsOfPlace = 150;  // measurements for one more place; (21); 082
+inline constexpr std::uint64_t kPointsOfPlace = 150;                    // measurements for one more place; (21); 082
 
 // Points that are no measurements of their own.
 inline constexpr int kRepeatNeighbors = 64, kMostRepeats = 16;  // points; 141
@@ -150,9 +150,10 @@ inline constexpr double kDepthWidening = 3;                      // of R: a matc
 inline constexpr double kFlatPercent[] = {130, 160};  // of R, with little noise and with more; (20); 052, 143
 inline constexpr double kSeparableGap = 1.4, kApartFromNoise = 3;  // spacings and sigmas between two sheets; sheets
 inline constexpr double kOneSheet = 0.65, kBothSheets = 14;        // of one sheet's points within the gap; sheets
-inline constexpr double kQuietSheets = 8;  // sigmas; sheets farther apart need no points of both; 028
-inline constexpr double kListRadius = 3;   // sigmas, of lists; quality
-inline constexpr double kListPoints = 11;  // points, of lists without noise; quality
+inline constexpr double kQuietSheets = 8;     // sigmas; sheets farther apart need no points of both; 028
+inline constexpr double kMostlySheets = 0.7;  // of the samples; a thin part needs points of both nevertheless; 028
+inline constexpr double kListRadius = 3;      // sigmas, of lists; quality
+inline constexpr double kListPoints = 11;     // points, of lists without noise; quality
 
 // Width from place to place.
 inline constexpr double kReachPoints =

@@ -37,6 +37,7 @@ struct Noise {
   double shape_to_noise = 0;
   // Between two sheets of a thin part that neighbourhoods of a few dozen points reach across; 0 where there are none.
   double gap = 0;
+  double sheets = 0;  // the share of the samples that see both, if there is a gap
   // Depths take few values, as those of a camera that measures whole disparities.
   bool depth_has_steps = false;
   // Share of the samples around which no neighbourhood gets wide against the noise, however large: the shape is too

@@ -46,8 +46,11 @@ Noise noise_of(std::span<const point::NoiseSample> samples, bool depth_has_steps
   Noise noise{sigma, quantile(spacings, 0.5)};
   noise.confined = double(confined) / double(sigmas.size());
   // levels of depth are no sheets
-  if (!depth_has_steps && gaps.size() > tubes && double(gaps.size()) > kSheetShare * double(sigmas.size() + tubes))
+  const double sheets = double(gaps.size()) / double(sigmas.size() + tubes);
+  if (!depth_has_steps && gaps.size() > tubes && sheets > kSheetShare) {
     noise.gap = quantile(gaps, kGapQuantile);
+    noise.sheets = sheets;
+  }
   noise.depth_has_steps = depth_has_steps;
   noise.is_shared = depth_has_steps;
   return noise;

@@ -226,11 +226,11 @@ namespace {
 // as doubles, then the levels of the noise and those of the reach.
 template <class Visit>
 void visit_numbers(Measured& m, NoiseLevels& levels, NodeLevels& reach_levels, Point& sensor, const Visit& visit) {
-  auto& [sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined, surface_points, repeats, is_shared,
-         without_surface, is_of_lines, coordinate_step] = m.estimate.noise;
+  auto& [sigma, surface_spacing, shape_to_noise, gap, sheets, depth_has_steps, confined, surface_points, repeats,
+         is_shared, without_surface, is_of_lines, coordinate_step] = m.estimate.noise;
   const auto visit_all = [&](auto&... numbers) { (visit(numbers), ...); };
   visit_all(m.origin[0], m.origin[1], m.origin[2], m.bounds.valid, m.frame.side, m.estimate.spacing.mean,
-            m.estimate.spacing.rho, sigma, surface_spacing, shape_to_noise, gap, depth_has_steps, confined,
+            m.estimate.spacing.rho, sigma, surface_spacing, shape_to_noise, gap, sheets, depth_has_steps, confined,
             surface_points, repeats, is_shared, without_surface, is_of_lines, coordinate_step, m.ignored,
             m.estimate.sensor.beam_width, m.copies.within);
   for (Point* p : {&m.bounds.min, &m.bounds.max, &m.frame.corner, &m.copies.corner, &m.frame.reference, &levels.first,

@@ -22,7 +22,7 @@ namespace pointfair::scale {
 
 /// What the files of a work folder hold and in which order: one more with each change of it, as builds of one version
 /// of the program may differ in it. Any file but the plan is read only once the plan has told that it is this.
-inline constexpr int kWorkFiles = 4;
+inline constexpr int kWorkFiles = 5;
 
 struct InputFile {
   std::filesystem::path path, output;
