@@ -77,7 +77,7 @@ void sort_by_cells(std::span<const Point> points, std::vector<Entry>& entries) {
   entries.swap(dealt);
   tbb::parallel_for(std::size_t(0), buckets, [&](std::size_t bucket) {
     const auto first = entries.begin() + begins[bucket], end = entries.begin() + begins[bucket + 1];
-    if (std::size_t(end - first) > kMany)  // many at one place
+    if (std::size_t(end - first) > kMany)  // many at one place, or very many in all
       tbb::parallel_sort(first, end, less);
     else
       std::sort(first, end, less);
