@@ -43,9 +43,7 @@ std::vector<double> distinct(std::vector<double> values, double apart) {
 // In parts, which are merged two by two.
 void sort_many(std::vector<double>& values, const ForEach& for_each) {
   constexpr std::size_t kParts = 16;
-  const auto part = [&](std::size_t p) {
-    return values.begin() + std::ptrdiff_t(std::min(p, kParts) * values.size() / kParts);
-  };
+  const auto part = [&](std::size_t p) { return values.begin() + std::ptrdiff_t(p * values.size() / kParts); };
   for_each(kParts, [&](std::size_t p) { std::sort(part(p), part(p + 1)); });
   for (std::size_t size = 1; size < kParts; size *= 2)
     for_each(kParts / (2 * size), [&](std::size_t pair) {
