@@ -195,7 +195,8 @@ class CudaBackend final : public Backend,
   DeviceArray<Point> limited_{context_};  // of many clouds
   DeviceArray<Point> input_{context_};    // of iterations from the third on
   GatheredTiles tiles_{context_};
-  Leaving leaving_{context_};
+  Staging staging_;
+  Leaving leaving_{context_, staging_};
   CallersPoints callers_{context_};
   Event callers_turn_;  // between the caller's stream and the context's
   StopLine stop_line_{context_};
@@ -204,7 +205,7 @@ class CudaBackend final : public Backend,
   Chain first_{context_, room_, mesh_, stop_line_, 0}, further_{context_, room_, mesh_, stop_line_, kFurtherCalls};
   int further_iteration_ = 0;         // whose results further_ holds; 0: none
   std::vector<SolverReport> solved_;  // of each iteration
-  Upload upload_{context_};
+  Upload upload_{context_, staging_};
   Links links_{context_};  // of cards that share clouds with this one
 };
 

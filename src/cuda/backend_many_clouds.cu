@@ -8,7 +8,8 @@ namespace pointfair::cuda {
 void CudaBackend::upload(std::span<const Point> points, std::span<const Index> ends) {
   context_.enter();
   forget_cloud(points.size());
-  uploaded_.upload(points, "uploading clouds");
+  uploaded_.resize(points.size());
+  staging_.upload(points, uploaded_.data(), context_.stream());
   build_batch_index(ends);
 }
 

@@ -54,9 +54,6 @@ void Leaving::copy_faired(Chain& chain, std::span<Point> to) {
   if (left > 0) side_.join();
 }
 
-void Leaving::copy(const Point* from, std::span<Point> to) const {
-  check(cudaMemcpyAsync(to.data(), from, to.size_bytes(), cudaMemcpyDeviceToHost, context_.stream()),
-        "downloading points");
-}
+void Leaving::copy(const Point* from, std::span<Point> to) const { staging_.download(from, to, context_.stream()); }
 
 }  // namespace pointfair::cuda

@@ -12,7 +12,7 @@ namespace pointfair::cuda {
 
 class Leaving {
  public:
-  explicit Leaving(Context& context) : context_(context), side_(context) {}
+  Leaving(Context& context, Staging& staging) : context_(context), staging_(staging), side_(context) {}
 
   // To be called before a result leaves.
   void begin() { *held_back_.get() = {}; }
@@ -38,6 +38,7 @@ class Leaving {
 
  private:
   Context& context_;
+  Staging& staging_;
   SideStream side_;
   Pinned<OutlierTotals> held_back_;
 };

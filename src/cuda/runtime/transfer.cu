@@ -1,9 +1,72 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+
+#include "cuda/runtime/host_copy.hpp"
 #include "cuda/runtime/transfer.cuh"
 
 namespace pointfair::cuda {
+namespace {
 
-Upload::Upload(const Context& context) : side_(context) {}
+bool is_pageable(const Point* memory) {
+  cudaPointerAttributes its{};
+  check(cudaPointerGetAttributes(&its, memory), "looking at memory");
+  return its.type == cudaMemoryTypeUnregistered;
+}
+
+void copy(Point* to, const Point* from, std::size_t points, cudaMemcpyKind kind, cudaStream_t stream) {
+  const bool in = kind == cudaMemcpyHostToDevice;
+  if (points > 0)
+    check(cudaMemcpyAsync(to, from, points * sizeof(Point), kind, stream),
+          in ? "uploading points" : "downloading points");
+}
+
+}  // namespace
+
+// Whether there are enough points, and page-locked memory for the pieces.
+bool Staging::stages(const Point* host, std::size_t points) {
+  constexpr std::size_t kWorth = 2 * kPiece;
+  if (points < kWorth || !is_pageable(host)) return false;
+  try {
+    pieces_.resize(kPieces * kPiece);
+  } catch (const Error& error) {
+    if (error.kind() != ErrorKind::memory) throw;
+    return false;
+  }
+  return true;
+}
+
+void Staging::wait_for(std::size_t number) {
+  check(cudaEventSynchronize(done_.at(number % kPieces).get()), "copying points");
+}
+
+void Staging::upload(std::span<const Point> from, Point* to, cudaStream_t stream) {
+  if (!stages(from.data(), from.size())) return copy(to, from.data(), from.size(), cudaMemcpyHostToDevice, stream);
+  for (std::size_t begin = 0, number = 0; begin < from.size(); begin += kPiece, ++number) {
+    const std::size_t count = std::min(kPiece, from.size() - begin);
+    wait_for(number);
+    copy_by_all_threads(from.subspan(begin, count), piece(number));
+    copy(to + begin, piece(number), count, cudaMemcpyHostToDevice, stream);
+    done_.record(number % kPieces, stream);
+  }
+}
+
+void Staging::download(const Point* from, std::span<Point> to, cudaStream_t stream) {
+  if (!stages(to.data(), to.size())) return copy(to.data(), from, to.size(), cudaMemcpyDeviceToHost, stream);
+  const std::size_t pieces = (to.size() + kPiece - 1) / kPiece;
+  const auto size = [&](std::size_t number) { return std::min(kPiece, to.size() - number * kPiece); };
+  const auto start = [&](std::size_t number) {
+    copy(piece(number), from + number * kPiece, size(number), cudaMemcpyDeviceToHost, stream);
+    done_.record(number % kPieces, stream);
+  };
+  for (std::size_t number = 0; number < std::min(pieces, kPieces); ++number) start(number);
+  for (std::size_t number = 0; number < pieces; ++number) {
+    wait_for(number);
+    copy_by_all_threads({piece(number), size(number)}, to.data() + number * kPiece);
+    if (number + kPieces < pieces) start(number + kPieces);
+  }
+}
+
+Upload::Upload(const Context& context, Staging& staging) : staging_(staging), side_(context) {}
 
 Arrival Upload::start(std::span<const Point> from, Parts parts, Point* to) {
   side_.fork();
@@ -12,10 +75,7 @@ Arrival Upload::start(std::span<const Point> from, Parts parts, Point* to) {
   events_.record(0, side_.stream());
   for (std::size_t part = 0; part < parts_; ++part) {
     const std::size_t begin = parts.begin(part), size = parts.size(part);
-    if (size > 0)
-      check(cudaMemcpyAsync(to + begin, from.data() + begin, size * sizeof(Point), cudaMemcpyHostToDevice,
-                            side_.stream()),
-            "uploading points");
+    staging_.upload(from.subspan(begin, size), to + begin, side_.stream());
     events_.record(part + 1, side_.stream());
     there_.push_back(events_[part + 1]);
   }
