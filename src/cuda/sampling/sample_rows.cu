@@ -41,9 +41,9 @@ __device__ void fill_row_by_block(const Tree& tree, const Point* points, const R
     const Vec position = {p.x, p.y, p.z};
     Search search(tree, root_of(request, n), memory, position, query, nearest);
     const Point last = request.known == nullptr ? no_point() : request.known[(n + 1) * (std::size_t(known_k) + 1) - 1];
-    search.run(last.x == last.x
-                   ? search.scaled(point::squared_length(Vec{last.x, last.y, last.z} - position), known_k * stride)
-                   : search.guess());
+    search.run(last.x == last.x ? search.scaled(point::squared_length(Vec{last.x, last.y, last.z} - position),
+                                                static_cast<float>(known_k * stride))
+                                : search.guess());
   }
   Point* const row = request.rows + n * (std::size_t(k) + 1);
   if (threadIdx.x == 0) row[0] = exists ? p : no_point();

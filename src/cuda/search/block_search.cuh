@@ -44,11 +44,11 @@ class BlockSearch {
     list.offer(key != kNoKey, key);
     const int known = min(8, __popc(__ballot_sync(kAllLanes, key != kNoKey)));
     if (known == 0) return 1;
-    return scaled(point::key_squared_distance(list.key(known - 1)), known);
+    return scaled(point::key_squared_distance(list.key(known - 1)), static_cast<float>(known));
   }
   // The same by the squared distance of the `known`-th nearest, as on a surface.
-  __device__ float scaled(float squared, int known) const {
-    return fminf(squared * kWanted * static_cast<float>(k_) / static_cast<float>(known), kFarthest);
+  __device__ float scaled(float squared, float known) const {
+    return fminf(squared * kWanted * static_cast<float>(k_) / known, kFarthest);
   }
 
   // `squared`: of a radius that may hold a few more than k. Afterwards memory.keys holds k, sorted, kNoKey at the end.
@@ -60,10 +60,12 @@ class BlockSearch {
       const Index count = collect(squared);
       if (count <= kCapacity && count >= wanted) return sort(static_cast<int>(count));
       (count > kCapacity ? high : low) = squared;
-      if (low > 0 && high > 0) {  // where the density jumps, ratios overshoot to and fro
-        squared = sqrtf(low) * sqrtf(high);
+      const float by_ratio = scaled(squared, static_cast<float>(max(count, 1u)));
+      const bool is_bracketed = low > 0 && high > 0;
+      if (is_bracketed && (n % 2 == 1 || by_ratio <= low || by_ratio >= high)) {
+        squared = sqrtf(low) * sqrtf(high);  // where the density jumps, ratios overshoot to and fro
       } else {
-        squared = fminf(fmaxf(scaled(squared, static_cast<int>(max(count, 1u))), squared / 16), squared * 16);
+        squared = fminf(fmaxf(by_ratio, squared / 16), squared * 16);
         if (squared <= low) squared = 2 * low;
       }
     }
@@ -102,8 +104,8 @@ class BlockSearch {
     return __ffs(static_cast<int>(__ballot_sync(kAllLanes, reach == least))) - 1;
   }
 
-  // The points within a radius. Returns how many there are, all in memory.keys if that is no more than kCapacity; more
-  // than that also where there are too many boxes.
+  // The points within a radius. Returns how many there are, all in memory.keys if that is no more than kCapacity; where
+  // there are too many boxes, how many these hold.
   __device__ Index collect(float squared) {
     __syncthreads();
     if (threadIdx.x <= kMaxLevels) memory_.counts[threadIdx.x] = 0;
@@ -119,7 +121,11 @@ class BlockSearch {
       }
       __syncthreads();
       nodes = memory_.counts[level + 1];
-      if (nodes > kNodes) return kCapacity + 1;
+      if (nodes > kNodes) {
+        float points = static_cast<float>(nodes) * kLeafSize;
+        for (int below = 0; below < level; ++below) points *= kLeafSize;
+        return static_cast<Index>(fminf(points, 4e9f));
+      }
     }
     constexpr int kAtOnce = 4;  // on their way
     for (int first = warp_number(); first < nodes; first += kAtOnce * kWarps) {
