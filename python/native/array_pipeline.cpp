@@ -69,9 +69,13 @@ void ArrayPipeline::look_for_camera(const auto& points, std::size_t width) {
 
 void ArrayPipeline::load(std::span<const float> coordinates, bool for_limits, std::size_t width) {
   const std::span<const Point> points = as_points(coordinates);
+  std::vector<Point> memory = std::move(before_.points);  // new pages cost as much as the upload
   forget();
   if (choose_origin(points) == Position{}) {
-    if (for_limits || has_negative_zero(points)) before_.points.assign(points.begin(), points.end());
+    if (for_limits || has_negative_zero(points)) {
+      memory.assign(points.begin(), points.end());
+      before_.points = std::move(memory);
+    }
     pipeline_.load(points);
   } else {
     own_.resize(points.size());

@@ -8,7 +8,7 @@
 namespace pointfair {
 
 void copy_by_all_threads(std::span<const Point> from, Point* to) {
-  constexpr std::size_t kBlock = 1 << 13;  // points
+  constexpr std::size_t kBlock = 1 << 12;  // points
   tbb::parallel_for(std::size_t(0), (from.size() + kBlock - 1) / kBlock, [&](std::size_t block) {
     const std::size_t begin = block * kBlock;
     std::ranges::copy(from.subspan(begin, std::min(kBlock, from.size() - begin)), to + begin);

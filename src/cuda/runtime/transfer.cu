@@ -7,6 +7,14 @@
 namespace pointfair::cuda {
 namespace {
 
+constexpr std::size_t kPieces = 4;  // on their way
+
+// Of points: small enough that a card soon has one to copy, large enough for all threads.
+std::size_t piece_of(std::size_t points) {
+  constexpr std::size_t kMany = std::size_t(1) << 22;
+  return std::size_t(1) << (points < kMany ? 17 : 19);
+}
+
 bool is_pageable(const Point* memory) {
   cudaPointerAttributes its{};
   check(cudaPointerGetAttributes(&its, memory), "looking at memory");
@@ -24,10 +32,11 @@ void copy(Point* to, const Point* from, std::size_t points, cudaMemcpyKind kind,
 
 // Whether there are enough points, and page-locked memory for the pieces.
 bool Staging::stages(const Point* host, std::size_t points) {
-  constexpr std::size_t kWorth = 2 * kPiece;
+  constexpr std::size_t kWorth = std::size_t(1) << 18;
   if (points < kWorth || !is_pageable(host)) return false;
+  for (std::size_t number = 0; number < kPieces; ++number) wait_for(number);  // of the call before
   try {
-    pieces_.resize(kPieces * kPiece);
+    pieces_.resize(kPieces * piece_of(points));
   } catch (const Error& error) {
     if (error.kind() != ErrorKind::memory) throw;
     return false;
@@ -41,27 +50,30 @@ void Staging::wait_for(std::size_t number) {
 
 void Staging::upload(std::span<const Point> from, Point* to, cudaStream_t stream) {
   if (!stages(from.data(), from.size())) return copy(to, from.data(), from.size(), cudaMemcpyHostToDevice, stream);
-  for (std::size_t begin = 0, number = 0; begin < from.size(); begin += kPiece, ++number) {
-    const std::size_t count = std::min(kPiece, from.size() - begin);
+  const std::size_t piece = piece_of(from.size());
+  for (std::size_t begin = 0, number = 0; begin < from.size(); begin += piece, ++number) {
+    const std::size_t count = std::min(piece, from.size() - begin);
+    Point* const its = pieces_.get() + number % kPieces * piece;
     wait_for(number);
-    copy_by_all_threads(from.subspan(begin, count), piece(number));
-    copy(to + begin, piece(number), count, cudaMemcpyHostToDevice, stream);
+    copy_by_all_threads(from.subspan(begin, count), its);
+    copy(to + begin, its, count, cudaMemcpyHostToDevice, stream);
     done_.record(number % kPieces, stream);
   }
 }
 
 void Staging::download(const Point* from, std::span<Point> to, cudaStream_t stream) {
   if (!stages(to.data(), to.size())) return copy(to.data(), from, to.size(), cudaMemcpyDeviceToHost, stream);
-  const std::size_t pieces = (to.size() + kPiece - 1) / kPiece;
-  const auto size = [&](std::size_t number) { return std::min(kPiece, to.size() - number * kPiece); };
+  const std::size_t piece = piece_of(to.size()), pieces = (to.size() + piece - 1) / piece;
+  const auto place = [&](std::size_t number) { return pieces_.get() + number % kPieces * piece; };
+  const auto size = [&](std::size_t number) { return std::min(piece, to.size() - number * piece); };
   const auto start = [&](std::size_t number) {
-    copy(piece(number), from + number * kPiece, size(number), cudaMemcpyDeviceToHost, stream);
+    copy(place(number), from + number * piece, size(number), cudaMemcpyDeviceToHost, stream);
     done_.record(number % kPieces, stream);
   };
   for (std::size_t number = 0; number < std::min(pieces, kPieces); ++number) start(number);
   for (std::size_t number = 0; number < pieces; ++number) {
     wait_for(number);
-    copy_by_all_threads({piece(number), size(number)}, to.data() + number * kPiece);
+    copy_by_all_threads({place(number), size(number)}, to.data() + number * piece);
     if (number + kPieces < pieces) start(number + kPieces);
   }
 }

@@ -57,10 +57,7 @@ class Staging {
   void download(const Point* from, std::span<Point> to, cudaStream_t stream);
 
  private:
-  static constexpr std::size_t kPiece = std::size_t(1) << 17, kPieces = 4;  // points; pieces on their way
-
   bool stages(const Point* host, std::size_t points);
-  Point* piece(std::size_t number) const { return pieces_.get() + number % kPieces * kPiece; }
   void wait_for(std::size_t number);  // what was copied last by way of a piece
 
   Pinned<Point> pieces_;
