@@ -111,23 +111,16 @@ std::vector<Entry> not_alone(std::span<const Point> points, std::vector<Entry> e
   return entries;
 }
 
-// Those at one place after each other.
-std::vector<Entry> by_place(std::span<const Point> points, const Point& corner, std::vector<Entry> entries) {
-  tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
-    const Point& p = points[entries[e].point];
-    entries[e].cell = cell_of(p);
-    entries[e].order = point::position_hash(to_vec3(p), to_vec3(corner));
-  });
-  sort_by_cells(points, entries);
-  return entries;
-}
-
-// The same points in cells so small that all of one are within the rule's distance of each other.
-void sort_by_small_cells(std::span<const Point> points, const CopyRule& rule, std::vector<Entry>& entries) {
+// Those of a cell after each other: at one place, or in a cube so small that all of it are within the rule's distance
+// of each other.
+void sort_by_rule(std::span<const Point> points, const CopyRule& rule, std::vector<Entry>& entries) {
   const double side = rule.within / 2;
   tbb::parallel_for(std::size_t(0), entries.size(), [&](std::size_t e) {
-    const auto off = point::exact_offset(to_vec3(points[entries[e].point]), to_vec3(rule.corner));
-    entries[e].cell = cell_at(std::floor(off.x / side), std::floor(off.y / side), std::floor(off.z / side));
+    const Point& p = points[entries[e].point];
+    const auto off = point::exact_offset(to_vec3(p), to_vec3(rule.corner));
+    entries[e].cell =
+        side > 0 ? cell_at(std::floor(off.x / side), std::floor(off.y / side), std::floor(off.z / side)) : cell_of(p);
+    entries[e].order = point::position_hash(to_vec3(p), to_vec3(rule.corner));
   });
   sort_by_cells(points, entries);
 }
@@ -140,20 +133,35 @@ bool are_close(const Point& p, const Point& q, double within) {
 // Leaves the first of those that follow each other in a cell and are close to it; it is `before` the others.
 void keep_firsts(std::span<const Point> points, double within, std::vector<Entry>& entries,
                  std::vector<std::uint32_t>& before) {
-  std::size_t kept = 0;
-  for (const Entry& entry : entries) {
-    const bool follows = kept > 0 && entries[kept - 1].cell == entry.cell &&
-                         are_close(points[entries[kept - 1].point], points[entry.point], within);
-    if (follows)
-      before[entry.point] = entries[kept - 1].point;
-    else
-      entries[kept++] = entry;
+  constexpr std::size_t kParts = 32;
+  std::array<std::size_t, kParts + 1> begins{};  // of parts that share no cell
+  for (std::size_t part = 1; part <= kParts; ++part) {
+    std::size_t& begin = begins[part] = std::max(begins[part - 1], part * entries.size() / kParts);
+    while (begin > 0 && begin < entries.size() && entries[begin].cell == entries[begin - 1].cell) ++begin;
   }
-  entries.resize(kept);
+  std::array<std::size_t, kParts> ends{};  // of what each keeps
+  tbb::parallel_for(std::size_t(0), kParts, [&](std::size_t part) {
+    std::size_t end = begins[part];
+    for (std::size_t e = begins[part]; e < begins[part + 1]; ++e) {
+      const Entry entry = entries[e];
+      const bool follows = end > begins[part] && entries[end - 1].cell == entry.cell &&
+                           are_close(points[entries[end - 1].point], points[entry.point], within);
+      if (follows)
+        before[entry.point] = entries[end - 1].point;
+      else
+        entries[end++] = entry;
+    }
+    ends[part] = end;
+  });
+  auto kept = entries.begin();
+  for (std::size_t part = 0; part < kParts; ++part)
+    kept =
+        std::copy(entries.begin() + std::ptrdiff_t(begins[part]), entries.begin() + std::ptrdiff_t(ends[part]), kept);
+  entries.erase(kept, entries.end());
 }
 
 // Places in cells twice as wide as a distance, so that what lies within it of one of them is in eight cells. Of the
-// cells of sort_by_small_cells() they have one place each, so few share a cell.
+// cells of sort_by_rule() they have one place each, so few share a cell.
 class Neighborhood {
  public:
   Neighborhood(std::span<const Point> points, std::vector<Entry> entries, double within)
@@ -257,13 +265,10 @@ std::vector<Copy> copies_among(std::span<const Point> points, const CopyRule& ru
   std::iota(before.begin(), before.end(), 0u);
   std::vector<Entry> entries = all_valid(points);
   if (rule.within <= 0) entries = not_alone(points, std::move(entries));
-  entries = by_place(points, rule.corner, std::move(entries));
-  keep_firsts(points, 0, entries, before);
+  sort_by_rule(points, rule, entries);
+  keep_firsts(points, std::max(rule.within, 0.0), entries, before);
   throw_if_stopped(stop);
   if (rule.within > 0) {
-    sort_by_small_cells(points, rule, entries);
-    keep_firsts(points, rule.within, entries, before);
-    throw_if_stopped(stop);
     const Neighborhood near(points, std::move(entries), rule.within);
     const std::span<const Entry> firsts = near.entries();
     tbb::parallel_for(std::size_t(0), firsts.size(), [&](std::size_t e) {
