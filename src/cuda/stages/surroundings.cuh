@@ -163,7 +163,10 @@ class WalkedRadius {
     using Loaded = decltype(load(Index{}));
     static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
-    const auto loaded = reinterpret_cast<Loaded*>(shared_.loaded);
+    struct alignas(sizeof(float4)) Slot {
+      Loaded value;
+    };
+    Slot* const loaded = reinterpret_cast<Slot*>(shared_.loaded);
     ReachedLeaves leaves(tree_, stop_, at_, here_, reach_.squared_radius, warp_);
     for (Index leaf = leaves.next(); leaf != point::kNoNeighbor; leaf = leaves.next()) {
       // each lane asks whether its point of the leaf is near the warp's, before all lanes look at it
@@ -174,21 +177,29 @@ class WalkedRadius {
       const int place = __popc(all & lanes_below()), count = __popc(all);
       if (near) {
         shared_.place[place] = p;
-        if constexpr (kLoads) loaded[place] = load(mine);
+        if constexpr (kLoads) loaded[place].value = load(mine);
         if (reach_.is_thinned) shared_.hash[place] = tree_.share[mine];
       }
       const int own = at_ / kLeafSize == leaf ? place : kWarp;  // none is its own neighbour
       __syncwarp();
+      const auto visit_all = [&](auto is_other) {  // most leaves are other ones, and whole
 #pragma unroll(kAtOnce)
-      for (int i = 0; i < count; ++i) {
-        const Vec offset = position_of(shared_.place[i]) - here_;
-        bool inside = i != own && point::squared_length(offset) <= reach_.squared_radius;
-        if (reach_.is_thinned) inside = inside && shared_.hash[i] < reach_.share;
-        if constexpr (kLoads) {
-          visit(offset, loaded[i], inside);
-        } else {
-          visit(offset, Loaded{}, inside);
+        for (int i = 0; i < count; ++i) {
+          const Vec offset = position_of(shared_.place[i]) - here_;
+          bool inside = point::squared_length(offset) <= reach_.squared_radius;
+          if constexpr (!is_other.value)
+            inside = inside && i != own && (!reach_.is_thinned || shared_.hash[i] < reach_.share);
+          if constexpr (kLoads) {
+            visit(offset, loaded[i].value, inside);
+          } else {
+            visit(offset, Loaded{}, inside);
+          }
         }
+      };
+      if (at_ / kLeafSize != leaf && !reach_.is_thinned) {
+        visit_all(std::true_type{});
+      } else {
+        visit_all(std::false_type{});
       }
       __syncwarp();
     }
