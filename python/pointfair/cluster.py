@@ -29,15 +29,19 @@ import tempfile
 from importlib import import_module
 from typing import Any, Iterator, Mapping, Sequence
 
-from ._errors import Error
+from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._program import program_path
+
+_CODES = {2: UsageError, 3: FileError, 4: OutOfMemory, 5: DeviceError}  # of the program, by which this one ends, too
+_INTERRUPTED = 130
 
 
 def _call(program: str, *words: str) -> str:
     """Runs the program and returns what it prints. Raises Error with its own line."""
     done = subprocess.run([program, *words], capture_output=True, text=True)
     if done.returncode != 0:
-        raise Error(done.stderr.strip().removeprefix("pointfair: ") or f"pointfair ended with {done.returncode}")
+        said = done.stderr.strip().removeprefix("pointfair: ") or f"pointfair ended with {done.returncode}"
+        raise _CODES.get(done.returncode, Error)(said)
     return done.stdout
 
 
@@ -50,7 +54,7 @@ def _run(task: str, program: str, work: str, *words: str) -> tuple[int, str, str
                           capture_output=True, text=True)
     said = done.stderr.strip().removeprefix("pointfair: ") or f"{task} ended with {done.returncode}"
     if done.returncode not in (0, _NO_MEMORY, _KILLED):
-        raise Error(said)
+        raise _CODES.get(done.returncode, Error)(said)
     return done.returncode, import_module("distributed").get_worker().address, said
 
 
@@ -59,7 +63,38 @@ def _copy(pair: tuple[str, str]) -> None:
     try:
         _copy_file(*pair)
     except Exception as error:  # each store has its own
-        raise Error(f"{pair[0]}: cannot be copied to {pair[1]}: {error}") from None
+        raise FileError(f"{pair[0]}: cannot be copied to {pair[1]}: {error}") from None
+
+
+def _fetch(wanted: tuple[str, str, bool]) -> None:
+    """Copies an input into the work folder, with a note of which file it was. A copy of the file as it is now stays; one of
+    another is made again, and refused where the run that goes on was planned with it."""
+    address, path, is_planned = wanted
+    note = os.path.join(os.path.dirname(path), f".copied-{os.path.basename(path)}")
+    state = _state_of(address)
+    if os.path.exists(path):
+        known = None
+        if os.path.exists(note):
+            with open(note, encoding="utf-8") as file:
+                known = file.read()
+        if known == state or (known is None and is_planned):  # an older version left no note
+            return
+        if is_planned:
+            raise FileError(f"{address}: has changed since this run was planned; plan it again in another work folder")
+    with open(note, "w", encoding="utf-8") as file:  # a copy is there with its note only
+        file.write(state)
+    _copy((address, path))
+
+
+def _state_of(address: str) -> str:
+    """What tells a file of a store from another one under its name: the size, and what the store says of its content or time."""
+    try:
+        files, path = import_module("fsspec.core").url_to_fs(address)
+        info = files.info(path)
+    except Exception as error:  # each store has its own
+        raise FileError(f"{address}: cannot be looked up: {error}") from None
+    names = ("ETag", "etag", "md5Hash", "mtime", "LastModified", "last_modified", "updated", "created")
+    return f"{info.get('size')} {next((info[name] for name in names if info.get(name) is not None), '')}"
 
 
 def _copy_file(source: str, target: str) -> None:
@@ -83,9 +118,9 @@ def _refuse_existing(address: str) -> None:
         files, path = import_module("fsspec.core").url_to_fs(address)
         exists = files.exists(path)
     except Exception as error:  # each store has its own
-        raise Error(f"{address}: cannot be looked up: {error}") from None
+        raise FileError(f"{address}: cannot be looked up: {error}") from None
     if exists:
-        raise Error(f"{address}: exists already; add --force to replace it")
+        raise FileError(f"{address}: exists already; add --force to replace it")
 
 
 @contextlib.contextmanager
@@ -127,13 +162,13 @@ def _parameters(words: Sequence[str]) -> dict[str, Any]:
         flag, has_value, value = word.partition("=")
         name = flag.removeprefix("--").replace("-", "_")
         if not flag.startswith("--"):
-            raise Error(f"{word}: is neither a flag nor the value of one; give the inputs before the flags")
+            raise UsageError(f"{word}: is neither a flag nor the value of one; give the inputs before the flags")
         if name in _SWITCHES and not has_value:
             parameters[name] = True
             continue
         text = value if has_value else next(left, None)
         if text is None or name in _SWITCHES:
-            raise Error(f"{flag}: takes {'no' if name in _SWITCHES else 'a'} value")
+            raise UsageError(f"{flag}: takes {'no' if name in _SWITCHES else 'a'} value")
         parameters[name] = text
     return parameters
 
@@ -188,10 +223,10 @@ class _Cluster:
                 short.add(worker)
             killed[task] += ended == _KILLED
             if killed[task] > self.options["retries"]:
-                raise Error(f"{said}: it was killed {killed[task]} times, as a system does that is out of memory")
+                raise OutOfMemory(f"{said}: it was killed {killed[task]} times, as a system does that is out of memory")
             able = set(self.client.nthreads()) - short
             if not able:
-                raise Error(said)
+                raise OutOfMemory(said)
             others = able - {worker} if ended == _KILLED else able
             again = self.client.submit(_run, task, *words, workers=sorted(others or able), **self.options)
             asked[again] = task
@@ -208,20 +243,24 @@ class _Job:
         self.local = [os.path.join(folder, os.path.basename(name)) if _is_remote(name) else name for name in self.names]
         for number, path in enumerate(self.local):
             if _is_remote(self.names[number]) and path in self.local[:number]:
-                raise Error(f"{self.names[number]}: two inputs have this name, so their results would be one file; rename one")
+                raise UsageError(f"{self.names[number]}: two inputs have this name, so their results would be one file; rename one")
         self.goals = [self.goal]
         if into_folder:
             self.goals = [self.goal.rstrip("/") + "/" + _output_name(name) for name in self.names]
         places = set(map(_place, self.names))
         for goal in self.goals:
             if _place(goal) in places:
-                raise Error(f"{goal}: is input and output at once; name another output")
+                raise UsageError(f"{goal}: is input and output at once; name another output")
         os.makedirs(folder if any(map(_is_remote, self.names)) else work, exist_ok=True)
 
-    def fetched(self) -> list[tuple[str, str]]:
-        """Inputs to be copied, from where and to where."""
-        return [(name, path) for name, path in zip(self.names, self.local)
-                if name != path and not os.path.exists(path)]
+    @property
+    def is_planned(self) -> bool:
+        """Whether a run goes on."""
+        return os.path.exists(os.path.join(self.work, "plan.txt"))
+
+    def fetched(self) -> list[tuple[str, str, bool]]:
+        """Inputs to be copied, from where and to where, and whether a run goes on."""
+        return [(name, path, self.is_planned) for name, path in zip(self.names, self.local) if name != path]
 
     def where(self) -> list[str]:
         """The flags that say where the program writes."""
@@ -235,8 +274,7 @@ class _Job:
 
     def kept(self) -> list[str]:
         """Addresses where nothing may be yet. Where a run goes on, its own outputs may."""
-        begun = os.path.exists(os.path.join(self.work, "plan.txt"))
-        return self.goals if _is_remote(self.goal) and not begun else []
+        return self.goals if _is_remote(self.goal) and not self.is_planned else []
 
     def sent(self) -> list[tuple[str, str]]:
         """Outputs to be copied, once they are there, from where and to where."""
@@ -276,10 +314,11 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
         The report, as `pointfair tile merge --report`.
 
     Raises:
-        Error: with the line that the program said, and if the scheduler is lost.
+        Error: with the line that the program said, UsageError, FileError, OutOfMemory or DeviceError where that is its kind;
+            and if the scheduler is lost.
     """
     if output is None and output_folder is None:
-        raise Error("denoise needs an output, or an output_folder")
+        raise UsageError("denoise needs an output, or an output_folder")
     tool = program or program_path()
     job = _Job([inputs] if isinstance(inputs, str) else inputs, output_folder or output or "", os.path.abspath(work),
                output_folder is not None)
@@ -288,7 +327,7 @@ def denoise(client: Any, inputs: Sequence[str] | str, output: str | None = None,
     with _scheduler_lives():
         client.run_on_scheduler(_allow_failures)
         cluster.each(_refuse_existing, [] if parameters.get("force") else job.kept())
-        cluster.each(_copy, job.fetched())
+        cluster.each(_fetch, job.fetched())
         client.submit(_call, tool, "tile", "plan", *job.local, *job.where(), "--work", job.work, "--memory", memory,
                       "--tiles", str(tiles), *_flags(parameters), **cluster.options).result()
         for step in json.loads(_call(tool, "tile", "status", job.work, "--report", "-"))["steps"]:
@@ -328,7 +367,10 @@ def main(words: Sequence[str]) -> int:
                              retries=given.retries, program=given.program, **parameters)
     except Error as error:
         print(f"pointfair: {error}", file=sys.stderr)
-        return 1
+        return next((code for code, kind in _CODES.items() if isinstance(error, kind)), 1)
+    except KeyboardInterrupt:
+        print("pointfair: interrupted; what is finished is kept: call again with the same work folder", file=sys.stderr)
+        return _INTERRUPTED
     print(json.dumps(report, indent=1))
     return 0
 

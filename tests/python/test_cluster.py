@@ -62,6 +62,39 @@ def test_files_of_a_store_are_copied(client, source, tmp_path):
     assert (tmp_path / "store.ply").read_bytes() == (tmp_path / "whole.ply").read_bytes()
 
 
+def test_a_file_of_a_store_that_changed_is_copied_again_or_refused(client, source, tmp_path):
+    work, address, out = tmp_path / "work", f"file://{source}", f"file://{tmp_path}/store.ply"
+    words = {"work": str(work), "tiles": 3, "program": PROGRAM}
+    with pytest.raises(pointfair.UsageError, match="k"):  # after the copy, before the plan
+        pointfair.cluster.denoise(client, address, out, k=-3, retries=0, **words)
+    before = source.read_bytes()
+    assert (work / "inputs" / source.name).read_bytes() == before
+    source.write_bytes(before[:-12] + struct.pack("<3f", 0.5, 0.5, 0.001))
+    pointfair.cluster.denoise(client, address, out, **words)
+    subprocess.run([PROGRAM, "run", source, tmp_path / "now.ply", "-q"], check=True)
+    assert (tmp_path / "store.ply").read_bytes() == (tmp_path / "now.ply").read_bytes()
+    pointfair.cluster.denoise(client, address, out, force=True, **words)  # goes on, as nothing has changed
+    source.write_bytes(before)
+    with pytest.raises(pointfair.FileError, match="in.ply: has changed since this run was planned; plan it again in another"):
+        pointfair.cluster.denoise(client, address, out, force=True, retries=0, **words)
+    assert (tmp_path / "store.ply").read_bytes() == (tmp_path / "now.ply").read_bytes()
+
+
+def test_the_verb_ends_with_the_codes_of_the_program(cluster, source, tmp_path):
+    def code(*words):
+        done = subprocess.run([sys.executable, "-m", "pointfair.cluster", cluster.scheduler_address, *map(str, words), "--work",
+                               tmp_path / "work", "--program", PROGRAM, "--retries", "0"], capture_output=True, text=True)
+        assert done.stderr.strip().splitlines()[-1].startswith("pointfair: "), done.stderr
+        return done.returncode
+
+    out = tmp_path / "codes.ply"
+    assert code(source, "--out", out, "--k", "-3") == 2
+    assert code(source, "--out", out, "--k") == 2
+    assert code(tmp_path / "nothing.ply", "--out", out) == 3
+    assert code(f"file://{tmp_path}/nothing.ply", "--out", out) == 3
+    assert not out.exists()
+
+
 def test_inputs_of_one_name_in_a_store_are_refused(client, source, tmp_path):
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / source.name).write_bytes(source.read_bytes())

@@ -41,7 +41,7 @@ def test_files_of_an_s3_store_have_the_bits_of_the_run_in_memory(tmp_path, store
         again = subprocess.run([sys.executable, "-m", "pointfair.cluster", cluster.address(), "s3://scans/raw/nothing.ply",
                                 "--out-dir", "s3://scans/fair", "--work", tmp_path / "other", "--program", PROGRAM],
                                capture_output=True, text=True, env=dict(os.environ))
-        assert again.returncode == 1, again.stderr
+        assert again.returncode == 3, again.stderr
         line = again.stderr.strip().splitlines()[-1]
         assert line.startswith("pointfair: ") and "nothing.ply" in line, again.stderr
     for number in range(2):
