@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "io/camera_centre.hpp"
+#include "io/contents.hpp"
 #include "io/faces.hpp"
 #include "io/sensor_place.hpp"
 #include "io/source.hpp"
@@ -99,6 +100,8 @@ std::vector<std::string> notes_on_units(const Cloud& cloud) {
 std::vector<std::string> notes_on_kept_normals(const Cloud& cloud, std::optional<Format> format) {
   if (normal_attributes(cloud).empty()) return {};
   const std::optional<Format> own = file_info(cloud).format;
+  const bool is_copy = !format || format == own;
+  if (!is_copy && io::keeps(*format, io::ContentKind::normals) != io::Keeps::kept) return {};
   const bool is_obj = own == Format::obj && format.value_or(*own) == Format::obj;
   return {std::string("the normals in the file are those from before; ") +
           (is_obj ? "OBJ files keep theirs: write PLY with --normals update, or compute them again in another program"

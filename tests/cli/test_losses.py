@@ -109,6 +109,14 @@ class Losses(Case):
         self.assertIn("note: the normals in the file are those from before; OBJ files keep theirs: write PLY", said[0])
         self.assertIn("from before; --normals update replaces them", said[1])
 
+    def test_normals_that_the_file_has_no_place_for_are_none_from_before(self):
+        mesh = self.put("a.obj", "".join(f"v {x % 10} {x // 10} {x % 7 / 9}\nvn 0 0 1\n" for x in range(100)) +
+                        "".join(f"f {x} {x + 1} {x + 11}\n" for x in range(1, 89)))
+        for name in ("b.stl", "b.ptx"):
+            said = self.ok("run", mesh, self.path(name), "--noise", "1").stderr.decode()
+            self.assertIn("files have no place for the normals", said)
+            self.assertNotIn("from before", said)
+
     def test_columns_and_lines_that_the_file_does_not_explain(self):
         text = "A;B;C;D\n" + "".join("7;" + row.replace(" ", ";") + "\n" for row in ROWS.splitlines())
         table = self.put("a.data", text)
