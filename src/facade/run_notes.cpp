@@ -163,8 +163,10 @@ void add_found_sensor(const std::optional<Position>& place, std::uint64_t mixed_
 bool add_nothing_to_see(const Look& look, std::vector<std::string>& notes) {
   constexpr std::uint64_t kFew = 10;
   const bool moved_none = look.without_surface >= look.finite;
-  if (look.finite == 0 || !moved_none) return false;
-  if (look.finite < kFew) {
+  if (!moved_none) return false;
+  if (look.finite == 0) {
+    notes.push_back("there is no finite point to denoise, so none moved");
+  } else if (look.finite < kFew) {
     notes.push_back(std::to_string(look.finite) + (look.finite == 1 ? " point is" : " points are") +
                     " too few to show a surface, so none moved");
   } else if (look.diagonal == 0 && look.spacing == 0) {
@@ -241,6 +243,7 @@ double stored_float_step(const Position& min, const Position& max) {
   float farthest = 0;
   for (const Position& corner : {min, max})
     for (const double value : corner) farthest = std::max(farthest, static_cast<float>(std::abs(value)));
+  if (farthest == 0) return 0;  // of no finite point, or of 0, which floats hold
   return double{std::nextafter(farthest, std::numeric_limits<float>::infinity())} - double{farthest};
 }
 

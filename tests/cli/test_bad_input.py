@@ -32,6 +32,18 @@ class Files(Case):
         for name in ("empty.ply", "empty.pcd", "empty.off"):
             self.refused(self.write(name, b""))
 
+    def test_a_cloud_without_a_finite_point_is_told_as_such(self):
+        nan = float("nan")
+        cloud = write_ply(self.path("nan.ply"), [(nan, nan, nan), (1.0, nan, 2.0), (float("inf"), 0.0, 0.0)])
+        for words in ((), ("--tiles", "2"), ("--method", "learned")):
+            said = self.ok("run", cloud, self.path("out.ply"), "--force", *words).stderr.decode()
+            self.assertIn("3 not finite", said)
+            self.assertEqual([line for line in said.splitlines() if line.startswith("note: ")],
+                             ["note: there is no finite point to denoise, so none moved"])
+            self.assertEqual(self.path("out.ply").read_bytes(), cloud.read_bytes())
+        self.assertEqual(self.report("info", cloud)["notes"], [])
+        self.assertEqual(self.report("info", write_ply(self.path("0.ply"), [(0.0, 0.0, 0.0)] * 20))["notes"], [])
+
     def test_unknown_extension(self):
         self.refused(self.write("scan.shp", b"\0\0\x27\x0a" + bytes(300)))
         cloud = write_ply(self.path("in.ply"), sphere_points(20, 0.01))
