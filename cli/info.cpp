@@ -154,8 +154,12 @@ void info_of_many(const InfoArguments& arguments, const std::vector<std::filesys
   }
   write_report(arguments.report, {{"version", version()}, {"files", rows}});
   if (failures.empty()) return;
-  for (const Error& failure : failures) print_error(failure.what());
-  throw Error(failures[0].kind(),
+  std::vector<ErrorKind> kinds;
+  for (const Error& failure : failures) {
+    print_error(failure.what());
+    kinds.push_back(failure.kind());
+  }
+  throw Error(common_kind(kinds),
               fmt::format("{} of {} files failed; the lines above say why", failures.size(), files.size()));
 }
 

@@ -33,6 +33,11 @@ int exit_code(ErrorKind kind) {
   return kCodes[static_cast<std::size_t>(kind)];
 }
 
+ErrorKind common_kind(std::span<const ErrorKind> kinds) {
+  const bool are_alike = std::ranges::all_of(kinds, [&](ErrorKind kind) { return kind == kinds.front(); });
+  return are_alike ? kinds.front() : ErrorKind::failed;
+}
+
 void print_error(std::string_view message) {
   std::string line = fmt::format("pointfair: {}", message);
   std::ranges::replace(line, '\n', ' ');

@@ -6,6 +6,7 @@
 
 #include <cstdio>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -18,6 +19,9 @@ inline constexpr int kExitOk = 0, kExitFailed = 1, kExitUsage = 2, kExitFile = 3
                      kExitInterrupted = 130;
 
 int exit_code(ErrorKind kind);
+
+/// Of several that failed: what all have in common, else ErrorKind::failed. At least one.
+ErrorKind common_kind(std::span<const ErrorKind> kinds);
 
 /// Prints to standard error. Where that is closed or full, nothing is said, and the run goes on: fmt::print would
 /// throw.

@@ -265,13 +265,15 @@ void conclude(const RunArguments& arguments, const std::vector<Row>& rows) {
   if (!arguments.quiet)
     print_message("{} of {} files written, {} skipped, {} failed\n", count("done"), rows.size(), count("skipped"),
                   failures);
-  std::optional<ErrorKind> kind;
+  std::vector<ErrorKind> kinds;
   for (const Row& row : rows) {
     if (row.status != "failed") continue;
     print_error(row.error);
-    kind = !kind || *kind == row.kind ? row.kind : ErrorKind::failed;
+    kinds.push_back(row.kind);
   }
-  if (kind) throw Error(*kind, fmt::format("{} of {} files failed; the lines above say why", failures, rows.size()));
+  if (!kinds.empty())
+    throw Error(common_kind(kinds),
+                fmt::format("{} of {} files failed; the lines above say why", failures, rows.size()));
 }
 
 }  // namespace

@@ -75,6 +75,17 @@ class Each(Case):
         self.assertGreater(float(rows[0]["moved_mean"]), 0.001)
         self.assertEqual([row["metres_per_unit"] for row in rows], ["", "", ""])
 
+    def test_the_exit_code_is_what_failures_have_in_common(self):
+        damaged = self.path("damaged.xyz")
+        damaged.write_text("no row\n")
+        two = [self.stations / "a.ply", damaged]
+        for paths in (two, two[::-1]):
+            result = run("info", *paths, "--columns", "x,y,z")
+            self.assertIn("--columns and --skip are for text files", result.stderr.decode())
+            self.assertIn("damaged.xyz: ", result.stderr.decode())
+            self.assertEqual(result.returncode, 1)  # an argument of one, the file of the other
+        self.assertEqual(run("info", damaged, damaged).returncode, 3)
+
     def test_rows_in_json_have_the_report_of_each(self):
         self.each("--report", self.path("rows.json"), "-q")
         rows = json.loads(self.path("rows.json").read_text())["files"]
