@@ -145,6 +145,10 @@ void info_of_many(const InfoArguments& arguments, const std::vector<std::filesys
       if (prints)
         print_output(fmt::format("{:>12} {:>10.4g} {:>10.4g} {:>10.4g} {:>10}  {}\n", found.points, found.spacing,
                                  found.noise, found.diagonal, unit_text(known.cloud), file.string()));
+    } catch (const NoPoints&) {
+      row["points"] = row["finite"] = 0;
+      if (prints)
+        print_output(fmt::format("{:>12} {:>10} {:>10} {:>10} {:>10}  {}\n", 0, "-", "-", "-", "-", file.string()));
     } catch (const Error& error) {
       if (error.kind() == ErrorKind::interrupted) throw;
       row["error"] = error.what();

@@ -214,6 +214,22 @@ std::string naming(const Row& row, const std::string& error) {
   return row.input.string() + ": " + error;
 }
 
+// The run of a file. One without points is copied: a survey's tile without a return is no failure.
+Told ran_or_copied(const RunArguments& of_file, const RunFile& run_file, Progress& progress) {
+  try {
+    return run_file(of_file, progress);
+  } catch (const NoPoints&) {
+    check_paths(of_file);
+    WriteOptions options = make_write_options(of_file.format, of_file.output);
+    options.overwrite = of_file.force;
+    copy_without_points(of_file.input, of_file.output, options);
+  }
+  Findings none;
+  none.is_copied = true;
+  none.notes = {"the file has no points and was copied"};
+  return told_of(none);
+}
+
 // Runs one; what goes wrong is written down.
 void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& progress, Row& row) {
   std::error_code failed;
@@ -231,7 +247,7 @@ void run_row(const RunArguments& arguments, const RunFile& run_file, Progress& p
   row.status = "failed";
   set_told(row, {});
   try {
-    set_told(row, run_file(of_file, progress));
+    set_told(row, ran_or_copied(of_file, run_file, progress));
     row.status = "done";
   } catch (const Error& error) {
     if (error.kind() == ErrorKind::interrupted) throw;

@@ -20,7 +20,7 @@ PUBLIC = "include/pointfair/"
 DATA = [PUBLIC + name + ".hpp" for name in ("cloud", "params", "device", "device_points", "report")]  # all of src may use them but src/point
 PLATFORM = "src/platform/"
 PORTABLE = "src/portable.hpp"  # all of src but src/point and src/cuda may use it
-FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "io", "file_info", "normals", "positions", "texture", "version", "viewpoint")]  # what src/io implements
+FILES = [PUBLIC + name + ".hpp" for name in ("cloud", "empty_files", "io", "file_info", "normals", "positions", "texture", "version", "viewpoint")]  # what src/io implements
 ON_CARD = ("cuda", "cub/", "thrust/", "nv")
 CUDA_ROOMS = {  # each with those that it may include
     "runtime": ["runtime"],

@@ -6,6 +6,7 @@
 #include "pointfair/depth.hpp"
 #include "pointfair/device.hpp"
 #include "pointfair/device_points.hpp"
+#include "pointfair/empty_files.hpp"
 #include "pointfair/export.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/io.hpp"

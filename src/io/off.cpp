@@ -4,6 +4,7 @@
 
 #include "io/colors.hpp"
 #include "io/formats.hpp"
+#include "io/no_points.hpp"
 #include "io/text_source.hpp"
 
 namespace pointfair::io {
@@ -273,7 +274,7 @@ TextLayout make_layout(OffHeader& header, std::string_view text, const std::stri
 
 std::shared_ptr<Source> read_off(FileBytes bytes, const std::string& name, const Reading&) {
   OffHeader header = HeaderReader(bytes.view(), name).read();
-  if (header.points == 0) fail(name, "has no points; choose another file");
+  if (header.points == 0) fail_without_points(name);
   TextLayout layout = make_layout(header, bytes.view(), name);
   const auto source = std::make_shared<OffSource>(header, std::move(bytes), name, std::move(layout));
   if (!header.faces_have_lines && !source->ends_with_faces())

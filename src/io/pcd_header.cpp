@@ -7,6 +7,7 @@
 #include "io/column_names.hpp"
 #include "io/coordinate_names.hpp"
 #include "io/file_bytes.hpp"
+#include "io/no_points.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io {
@@ -160,7 +161,7 @@ class HeaderParser {
     if (points_ && *points_ != header_.points())
       fail(name_, "WIDTH x HEIGHT is " + std::to_string(header_.points()) + " points, POINTS says " +
                       std::to_string(*points_) + "; correct the header");
-    if (header_.points() == 0) fail(name_, "has no points; choose another file");
+    if (header_.points() == 0) fail_without_points(name_);
   }
 
   std::string_view file_, rest_;

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "io/formats.hpp"
+#include "io/no_points.hpp"
 #include "io/parallel.hpp"
 #include "io/ply_body.hpp"
 #include "io/ply_faces.hpp"
@@ -316,7 +317,7 @@ std::shared_ptr<Source> read_ply(FileBytes bytes, const std::string& name, const
   PlyFile file;
   file.header = parse_ply_header(bytes.view(), name);
   find_xyz(file.vertex(), name);
-  if (file.vertex().count == 0) fail(name, "has no points; choose another file");
+  if (file.vertex().count == 0) fail_without_points(name);
   return file.header.encoding == Encoding::ascii ? read_ascii(std::move(bytes), std::move(file), name)
                                                  : read_binary(std::move(bytes), std::move(file), name);
 }

@@ -42,6 +42,7 @@ void add_notes_on_sensors(const std::vector<std::shared_ptr<Source>>& sources, P
   if (!plan.viewpoint.empty()) return;
   const bool takes_none = !plan.sensor && !plan.seeks_sensor;  // they do not say one place
   for (std::size_t i = 0; i < sources.size(); ++i) {
+    if (!sources[i]) continue;  // without points
     std::vector<std::string> texts;
     if (!takes_none) texts = notes_on_grid({.origin = sources[i]->origin(), .source = sources[i]});
     if (takes_none && seeks_outliers(plan.params))

@@ -11,6 +11,7 @@
 #include "estimate/automatic.hpp"
 #include "io/box_of.hpp"
 #include "io/file_bytes.hpp"
+#include "io/no_points.hpp"
 #include "io/parallel.hpp"
 #include "io/sensor_place.hpp"
 #include "io/streamed.hpp"
@@ -99,7 +100,8 @@ std::vector<InputFile> files_of(const TiledJob& job) {
   return files;
 }
 
-// All are looked at before one is refused: who mends files one by one runs once for each.
+// All are looked at before one is refused: who mends files one by one runs once for each. Null: the file holds no
+// points.
 std::vector<std::shared_ptr<Source>> open_all(const std::vector<InputFile>& files, unsigned threads) {
   constexpr std::size_t kMostNames = 5;
   std::vector<std::shared_ptr<Source>> sources;
@@ -108,6 +110,9 @@ std::vector<std::shared_ptr<Source>> open_all(const std::vector<InputFile>& file
   for (const InputFile& file : files) {
     try {
       sources.push_back(io::open_source(file.path, threads));
+    } catch (const NoPoints&) {
+      if (files.size() == 1) throw;
+      sources.emplace_back();
     } catch (const Error& error) {
       if (error.kind() != ErrorKind::file) throw;
       if (count++ == 0) {
@@ -117,18 +122,21 @@ std::vector<std::shared_ptr<Source>> open_all(const std::vector<InputFile>& file
       }
     }
   }
+  if (count == 0 && std::ranges::none_of(sources, [](const auto& source) { return source != nullptr; }))
+    throw NoPoints(platform::text_of(files.front().path) + ": has no points, nor has another input; name other files");
   if (count == 0) return sources;
   if (count > kMostNames + 1) others += ", ..";
   if (count > 1) refused += "; nor can " + std::to_string(count - 1) + " more of the inputs be read: " + others;
   throw Error(ErrorKind::file, refused);
 }
 
-// Of several inputs, an error names the one.
-Params in_units_of_file(const Params& params, const Source& source, bool are_several = false) {
+// Does the work; of several inputs, an error names the one that it is about.
+template <class Work>
+void naming(const Source& source, bool are_several, const Work& work) {
   try {
-    return in_file_units(params, source.info().metres_per_unit);
+    work();
   } catch (const Error& error) {
-    if (!are_several) throw;
+    if (!are_several || std::string_view(error.what()).find(source.name()) != std::string_view::npos) throw;
     throw Error(error.kind(), source.name() + ": " + error.what());
   }
 }
@@ -201,10 +209,14 @@ void refuse_stray_files(const std::vector<InputFile>& files, const std::vector<E
 // The place that is asked for, or that all inputs say.
 std::optional<Position> sensor_of(const TiledJob& job, const std::vector<std::shared_ptr<Source>>& sources) {
   if (!job.viewpoint.empty()) return io::named_place(job.viewpoint);
-  const std::optional<Position> sensor = io::common_sensor(*sources.front());
-  for (const auto& source : sources)
-    if (io::common_sensor(*source) != sensor) return std::nullopt;
-  return sensor;
+  std::optional<std::optional<Position>> all;
+  for (const auto& source : sources) {
+    if (!source) continue;
+    const std::optional<Position> its = io::common_sensor(*source);
+    if (all.value_or(its) != its) return std::nullopt;
+    all = its;
+  }
+  return all.value_or(std::nullopt);
 }
 
 // Why the sensor of the job is not one that tiles can take; empty if it is.
@@ -239,7 +251,8 @@ Survey survey(const std::vector<std::shared_ptr<Source>>& sources, std::uint64_t
   };
   std::vector<Block> blocks;
   for (std::size_t file = 0; file < sources.size(); ++file)
-    for (std::size_t block = 0; block < sources[file]->block_count(); ++block) blocks.push_back({file, block});
+    for (std::size_t block = 0; sources[file] && block < sources[file]->block_count(); ++block)
+      blocks.push_back({file, block});
   const double share = std::min(1.0, double(kSampledPoints) / double(points));
   const auto count = std::max<std::size_t>(1, static_cast<std::size_t>(double(blocks.size()) * share));
   const std::size_t kept_of_block = std::max<std::size_t>(16, kKeptSamples / count);
@@ -303,11 +316,16 @@ std::shared_ptr<Source> Inputs::open(std::size_t number) {
   std::shared_ptr<Source>& source = open_[number];
   const InputFile& file = files_[number];
   if (source && file.path.empty()) return source;
+  check_unchanged(number);
+  if (!source) source = io::open_source(file.path, threads_);
+  return source;
+}
+
+void Inputs::check_unchanged(std::size_t number) const {
+  const InputFile& file = files_[number];
   if (fingerprint_of(file.path) != file.fingerprint)
     io::fail(platform::text_of(file.path),
              "has changed since this run was planned; plan it again in another work folder");
-  if (!source) source = io::open_source(file.path, threads_);
-  return source;
 }
 
 // Blocks that follow each other.
@@ -375,12 +393,22 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   for (std::size_t f = 0; f < files.size(); ++f) {
     InputFile& file = files[f];
     const std::shared_ptr<Source>& source = sources[f];
-    refuse_if(why_not_written(job, *source, file.output));
-    if (job.limits.strength > 0) io::check_not_geographic(*source);
-    check_attributes(source, job.limits, job.noise_attribute);
+    file.first_point = plan.points;
+    if (!source) {
+      io::check_copy_without_points(file.path, file.output, job.write);
+      file.notes = {{FileNote::Kind::remark, "the file has no points and was copied"}};
+      plan.files.push_back(std::move(file));
+      continue;
+    }
+    Params params;
+    naming(*source, files.size() > 1, [&] {
+      refuse_if(why_not_written(job, *source, file.output));
+      if (job.limits.strength > 0) io::check_not_geographic(*source);
+      check_attributes(source, job.limits, job.noise_attribute);
+      params = in_file_units(job.params, source->info().metres_per_unit);
+    });
     units.take(*source);
-    const Params params = in_units_of_file(job.params, *source, job.inputs.size() > 1);
-    if (f > 0 && params != plan.params)
+    if (plan.points > 0 && params != plan.params)
       refuse(platform::text_of(file.path) +
              ": its unit is not that of the other inputs; give lengths without m, mm or cm");
     plan.params = params;
@@ -389,7 +417,6 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
     plan.stores_floats |= source->encoding() != Encoding::ascii && source->stores_floats();
     file.coordinate_system = coordinate_system_of(*source);
     file.notes = notes_on(job, source, file);
-    file.first_point = plan.points;
     file.points = source->size();
     plan.points += file.points;
     plan.files.push_back(std::move(file));
@@ -398,8 +425,9 @@ void make_plan(const TiledJob& job, const fs::path& work, unsigned threads) {
   plan.metres_per_unit = units.metres_per_unit();
   if (job.write.strict) refuse_losses(plan);
   plan.sensor = sensor_of(job, sources);
-  plan.seeks_sensor = job.viewpoint.empty() &&
-                      std::ranges::none_of(sources, [](const auto& source) { return io::has_sensor(*source); });
+  plan.seeks_sensor = job.viewpoint.empty() && std::ranges::none_of(sources, [](const auto& source) {
+                        return source && io::has_sensor(*source);
+                      });
   refuse_if(why_not_this_sensor(job, plan.sensor));
   add_notes_on_sensors(sources, plan);
   plan.iterations = iterations_of(plan.params);
@@ -440,7 +468,11 @@ std::string difference(const TiledJob& job, const Plan& plan) {
   if (job.viewpoint != plan.viewpoint) return "another --viewpoint";
   if (job.outlier_action != plan.outlier_action) return "another --outliers";
   const bool has_metres = in_file_units(job.params, 1.0) != job.params;
-  const Params params = has_metres ? in_units_of_file(job.params, *io::open_source(files.front().path, 0)) : job.params;
+  Params params = job.params;
+  if (has_metres) {
+    const auto first = std::ranges::find_if(plan.files, [](const InputFile& file) { return file.points > 0; });
+    params = in_file_units(job.params, io::open_source(first->path, 0)->info().metres_per_unit);
+  }
   if (params != plan.params) return "other parameters";
   if (job.write.format != plan.write.format || job.write.encoding != plan.write.encoding ||
       job.write.las_scale != plan.write.las_scale)

@@ -22,12 +22,12 @@ namespace pointfair::scale {
 
 /// What the files of a work folder hold and in which order: one more with each change of it, as builds of one version
 /// of the program may differ in it. Any file but the plan is read only once the plan has told that it is this.
-inline constexpr int kWorkFiles = 5;
+inline constexpr int kWorkFiles = 6;
 
 struct InputFile {
   std::filesystem::path path, output;
   std::string fingerprint;                    ///< of its size, its time and some of its bytes
-  std::uint64_t points = 0, first_point = 0;  ///< in the whole input
+  std::uint64_t points = 0, first_point = 0;  ///< in the whole input; a file without points is copied
   std::string coordinate_system{};            ///< as the file says it, one line; empty: it does not say
   std::vector<FileNote> notes{};
 };
@@ -75,6 +75,7 @@ class Inputs {
   void give(std::size_t file, std::shared_ptr<Source> source) { open_[file] = std::move(source); }
   /// Throws Error(file) if the file is not the one that was planned with.
   std::shared_ptr<Source> open(std::size_t file);
+  void check_unchanged(std::size_t file) const;
 
  private:
   const std::vector<InputFile>& files_;

@@ -10,6 +10,7 @@
 #include "options/outlier_values.hpp"
 #include "pipeline/devices.hpp"
 #include "platform/path_text.hpp"
+#include "pointfair/empty_files.hpp"
 #include "scale/given.hpp"
 #include "scale/ingest.hpp"
 #include "scale/outlier_edits.hpp"
@@ -20,6 +21,18 @@
 
 namespace pointfair::scale {
 namespace fs = std::filesystem;
+namespace {
+
+// What TiledRun::report reads of a file that was written: the counts, the step between coordinates, then what a
+// MoveTally holds.
+void write_tally(const fs::path& path, const TaskCounts& counts, double coordinate_step, const MoveTally& moves) {
+  std::vector<double> numbers{coordinate_step};
+  const std::vector<double> its = moves.numbers();
+  numbers.insert(numbers.end(), its.begin(), its.end());
+  PointsWriter(path, {.counts = counts}, {}, numbers).finish();
+}
+
+}  // namespace
 
 Tasks::Tasks(const fs::path& work, const std::vector<Device>& devices)
     : folder_(work), tree_(work / "leaves"), inputs_(folder_.plan.files, devices[0].threads) {
@@ -174,6 +187,7 @@ TileWork Tasks::tile_work(const WorkStep& step, std::size_t task) const {
 void Tasks::run_heights(const WorkStep& step, const std::stop_token& stop) {
   HeightGrid heights(folder_.plan.points);
   for (std::size_t file = 0; file < folder_.plan.files.size(); ++file) {
+    if (folder_.plan.files[file].points == 0) continue;
     const auto source = inputs_.open(file);
     source->place_at(folder_.plan.zones.origin);
     add_heights(results(file, source, stop), threads(), heights);
@@ -188,6 +202,17 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
   if (!folder_.plan.write.overwrite && fs::exists(file.output) && !fs::exists(begun))
     io::fail(platform::text_of(file.output), "exists already, which it did not when this was planned; move it away");
   mark(begun);
+  WriteOptions options = folder_.plan.write;
+  options.overwrite = true;
+  options.sync = true;
+  options.threads = threads();
+  fs::create_directories(file.output.parent_path());
+  io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
+  if (file.points == 0) {
+    inputs_.check_unchanged(task);
+    copy_without_points(file.path, file.output, options);
+    return write_tally(folder_.file_of(step, task), {}, 0, {});
+  }
   const auto source = inputs_.open(task);
   source->place_at(folder_.plan.zones.origin);
   const TileResults results = this->results(task, source, stop);
@@ -195,20 +220,11 @@ void Tasks::run_emit(const WorkStep& step, std::size_t task, const std::stop_tok
                                  ? load_heights(folder_.file_of({WorkStep::Kind::heights}, 0))
                                  : HeightGrid(0);
   OutlierEdits outliers = outlier_edits(results, folder_.plan, source, heights, threads());
-  WriteOptions options = folder_.plan.write;
-  options.overwrite = true;
-  options.sync = true;
-  options.threads = threads();
-  fs::create_directories(file.output.parent_path());
-  io::remove_abandoned(file.output.parent_path(), io::kUnfinishedOutput);
   io::write_moved(file.output, source, results, options, std::move(outliers.added), outliers.removed);
   TaskCounts counts{.held = results.held_by_limits(), .outcome = outliers.outcome};
   counts.points.unmoved.outliers_by_reason = results.held_back();
-  // which TiledRun::report reads: the step between coordinates, then what a MoveTally holds
-  std::vector<double> numbers{options.las_scale.value_or(source->info().step)};
-  const std::vector<double> moves = results.moves().numbers();
-  numbers.insert(numbers.end(), moves.begin(), moves.end());
-  PointsWriter(folder_.file_of(step, task), {.counts = counts}, {}, numbers).finish();
+  const double coordinate_step = options.las_scale.value_or(source->info().step);
+  write_tally(folder_.file_of(step, task), counts, coordinate_step, results.moves());
 }
 
 TileResults Tasks::results(std::size_t file, std::shared_ptr<const Source> source, const std::stop_token& stop) {

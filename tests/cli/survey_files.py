@@ -33,7 +33,7 @@ def write_las(path, points, classes, scale=0.001, crs=METRES):
     struct.pack_into("<32s32sHHHIIBH", head, 26, b"a scanner", b"made by a test", 1, 2026, 375, begin, len(records) > 0, 6, 30)
     struct.pack_into("<6d", head, 131, scale, scale, scale, *offset)
     for axis in range(3):
-        values = [g[axis] * scale + offset[axis] for g in grid]
+        values = [g[axis] * scale + offset[axis] for g in grid] or [0]
         struct.pack_into("<2d", head, 179 + 16 * axis, max(values), min(values))
     struct.pack_into("<QQ", head, 247, len(grid), len(grid))
     body = b"".join(struct.pack("<3iHBBBBhHd", *g, 100 + i % 7, 0x11, 0, kind, 5, 10, 1, i * 1e-5)

@@ -75,6 +75,30 @@ class Each(Case):
         self.assertGreater(float(rows[0]["moved_mean"]), 0.001)
         self.assertEqual([row["metres_per_unit"] for row in rows], ["", "", ""])
 
+    def test_one_without_points_is_copied_and_counts_as_done(self):
+        empty = write_ply(self.stations / "b.ply", []).read_bytes()
+        report = self.path("rows.csv")
+        for words in ([], ["--memory", "64M"]):
+            said = self.each("--report", report, *words)
+            self.assertIn("b.ply: 0 points, written as they were\nnote: the file has no points and was copied\n", said)
+            self.assertIn("3 of 3 files written, 0 skipped, 0 failed", said)
+            self.assertEqual((self.out / "b.ply").read_bytes(), empty)
+            with open(report, newline="") as file:
+                self.assertEqual([row["status"] for row in csv.DictReader(file)], ["done"] * 3)
+            said = self.each("--skip-existing", *words)
+            self.assertIn("0 of 3 files written, 3 skipped, 0 failed", said)
+            self.assertEqual((self.out / "b.ply").read_bytes(), empty)
+            self.assertIn("exists already", self.each(*words, code=3))
+            shutil.rmtree(self.out)
+        self.each("--report", self.path("rows.json"), "-q")
+        self.assertEqual(json.loads(self.path("rows.json").read_text())["files"][1]["run"]["points"], 0)
+        shutil.rmtree(self.out)
+        said = self.each("--format", "pcd", code=3)  # an empty file of another format cannot be made of it
+        self.assertIn("b.ply: has no points", said)
+        self.assertEqual(sorted(path.name for path in self.out.iterdir()), ["a.pcd", "c.pcd"])
+        lines = self.ok("info", self.stations).stdout.decode().splitlines()
+        self.assertEqual([line.split()[0] for line in lines[1:]], ["1500", "0", "1700"])
+
     def test_the_exit_code_is_what_failures_have_in_common(self):
         damaged = self.path("damaged.xyz")
         damaged.write_text("no row\n")

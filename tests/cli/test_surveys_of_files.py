@@ -5,7 +5,7 @@ import resource
 import shutil
 
 from program import Case, run
-from survey_files import FEET, METRES, ground, write_las
+from survey_files import FEET, METRES, ground, write_las, write_old_las
 
 
 class Surveys(Case):
@@ -116,6 +116,36 @@ class Surveys(Case):
         parts = [self.tiles / f"part{n}.las" for n in (0, 7, 8)]
         self.fails(3, "run", *parts, "--out-dir", self.path("out"),
                    says=["part7.las: ", "; nor can 1 more of the inputs be read: part8.las\n"])
+
+    def test_a_tile_without_points_is_copied(self):
+        empty = [write_las(self.tiles / name, [], []).read_bytes() for name in ("a_first.las", "part0b.las")]
+        for words in ((), ("--outliers", "classify"), ("--noise", "20mm", "--work", self.path("work"))):
+            out, wanted = self.path("out"), self.path("wanted2")
+            said = self.ok("run", self.tiles, "--out-dir", out, *words).stderr.decode()
+            self.assertIn("note: a_first.las and 1 more: the file has no points and was copied", said)
+            parts = [self.tiles / f"part{n}.las" for n in range(2)]
+            plain = [word for word in words if word not in ("--work", self.path("work"))]
+            self.ok("run", *parts, "--out-dir", wanted, *plain, "-q")
+            for n in range(2):
+                self.assertEqual((out / f"part{n}.las").read_bytes(), (wanted / f"part{n}.las").read_bytes())
+            self.assertEqual([(out / name).read_bytes() for name in ("a_first.las", "part0b.las")], empty)
+            if "--work" in words:  # what was deleted since is written again, by the same plan
+                (out / "a_first.las").unlink()
+                self.ok("run", self.tiles, "--out-dir", out, *words)
+                self.assertEqual((out / "a_first.las").read_bytes(), empty[0])
+            shutil.rmtree(out)
+            shutil.rmtree(wanted)
+        for name in ("part0.las", "part1.las"):
+            (self.tiles / name).unlink()
+        self.fails(3, "run", self.tiles, "--out-dir", self.path("out"), says=["a_first.las: has no points", "name other files"])
+        self.fails(3, "run", self.tiles / "a_first.las", self.path("out.las"), says="a_first.las: has no points")
+
+    def test_an_attribute_that_one_tile_lacks_is_told_with_its_name(self):
+        write_las(self.tiles / "part2.las", ground(400), [2] * 400)
+        write_old_las(self.tiles / "part3.las", ground(400))
+        for flag in ("--where", "--ignore"):
+            self.fails(2, "run", self.tiles, "--out-dir", self.path("out"), flag, "scanner_channel=0",
+                       says=["part3.las: ", "no attribute 'scanner_channel'"])
 
     def test_files_in_feet_and_in_metres_are_no_cloud(self):
         write_las(self.tiles / "part2.las", ground(400), [2] * 400, crs=FEET)

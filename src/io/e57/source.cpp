@@ -10,6 +10,7 @@
 #include "io/e57/pages.hpp"
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
+#include "io/no_points.hpp"
 #include "portable.hpp"
 
 namespace pointfair::io {
@@ -117,7 +118,7 @@ E57Source::E57Source(FileBytes file, std::string file_name, FileHeader header, D
     size_ += points.records;
     scans_.push_back(std::move(points));
   }
-  if (size_ == 0) fail(name(), "has no points; choose another file");
+  if (size_ == 0) fail_without_points(name());
   find_columns();
 }
 

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "io/file_bytes.hpp"
+#include "io/no_points.hpp"
 
 namespace pointfair::io::las {
 namespace {
@@ -86,7 +87,7 @@ class Parser {
       const auto count = get<std::uint64_t>(bytes_, place::count);
       if (count != 0) header_.count = count;
     }
-    if (header_.count == 0) fail(name_, "has no points; choose another file");
+    if (header_.count == 0) fail_without_points(name_);
   }
 
   void read_grid() {

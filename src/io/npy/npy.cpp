@@ -2,6 +2,7 @@
 // Reading and writing NumPy arrays of points: N x 3 and more columns, or records with fields x, y and z.
 
 #include "io/formats.hpp"
+#include "io/no_points.hpp"
 #include "io/npy/header.hpp"
 #include "io/parallel.hpp"
 #include "io/record_source.hpp"
@@ -133,7 +134,7 @@ RecordLayout lay_out(const Header& header, const std::string& name) {
 std::shared_ptr<Source> read_npy(FileBytes bytes, const std::string& name, const Reading&) {
   const npy::Header header = npy::parse_header(bytes.view(), name);
   RecordLayout layout = npy::lay_out(header, name);
-  if (layout.count == 0) fail(name, "has no points; choose another file");
+  if (layout.count == 0) fail_without_points(name);
   const std::uint64_t needed = layout.count * layout.record_size, held = bytes.view().size() - layout.begin;
   if (needed > held)
     fail(name, "header promises " + std::to_string(layout.count) + " points, file ends after " +

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "io/file_bytes.hpp"
+#include "io/no_points.hpp"
 #include "io/text.hpp"
 
 namespace pointfair::io::ptx {
@@ -171,7 +172,7 @@ Layout find_scans(std::string_view text, const std::string& name) {
     row += scan.count();
     layout.scans.push_back(std::move(scan));
   }
-  if (layout.text.count == 0) fail(name, "has no points; choose another file");
+  if (layout.text.count == 0) fail_without_points(name);
   layout.text.rows.chunks.push_back({text.size(), layout.text.count});
   return layout;
 }
