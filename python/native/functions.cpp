@@ -1,6 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Functions of arrays that need no pipeline.
+#include <nanobind/stl/array.h>
+#include <nanobind/stl/optional.h>
+
 #include <algorithm>
+#include <optional>
 
 #include "bindings.hpp"
 #include "interruptible.hpp"
@@ -29,12 +33,18 @@ void denoise_image(const Table<const float>& depth, const Table<float>& out, uns
   denoise_depth(span_of(depth), depth.shape(1), span_of(out), threads);
 }
 
+// Where the rays of an image meet, which lies row by row.
+std::optional<Position> find_camera(const Input<double>& points, std::size_t width) {
+  return image_viewpoint(std::span(reinterpret_cast<const Position*>(points.data()), points.shape(0)), width);
+}
+
 }  // namespace
 
 void bind_functions(nb::module_& module) {
   module.def("nearest_neighbors", &find_neighbors, nb::arg("coordinates").noconvert(), nb::arg("out").noconvert());
   module.def("denoise_depth", &denoise_image, nb::arg("depth").noconvert(), nb::arg("out").noconvert(),
              nb::arg("threads"));
+  module.def("image_viewpoint", &find_camera, nb::arg("points").noconvert(), nb::arg("width"));
 }
 
 }  // namespace pointfair::python

@@ -121,3 +121,25 @@ def test_what_is_no_frame_is_refused_with_advice(wrong, advice):
         pf.denoise_depth(wrong)
     with pytest.raises(pf.UsageError, match="out is"):
         pf.denoise_depth(np.zeros((4, 5), np.float32), out=np.zeros((4, 6), np.float32))
+
+
+@pytest.mark.parametrize("scale", [1, 1000])
+def test_frames_in_other_coordinates_than_the_cameras_are_refused(scale, tmp_path):
+    _, measured = frames(np.float64)
+    measured *= scale
+    measured[5, 5:20] = 0
+    measured[7, 5:20] = np.nan
+    seen = np.isfinite(measured).all(axis=2) & (measured != 0).any(axis=2)
+    assert pf.denoise_depth(measured)[seen].shape == measured[seen].shape
+    forward = np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]])  # x looks ahead, y to the left, z up, as robots have it
+    moved = np.where(seen[..., None], measured + scale * np.array([3.0, 1.0, 2.0]), 0)
+    with pytest.raises(pf.UsageError, match=r"meet at \(3(000)?, 1(000)?, 2(000)?\), and not at \(0, 0, 0\)"):
+        pf.denoise_depth(moved)
+    with pytest.raises(pf.UsageError, match="z below and above 0"):
+        pf.denoise_depth(measured @ forward.T)
+    with pytest.raises(pf.UsageError, match="meet at"):
+        pf.denoise_depth(np.where(seen[..., None], measured @ forward.T + scale * np.array([3.0, 1.0, 9.0]), 0).astype(np.float32))
+    organised(tmp_path / "moved.pcd", moved, np.zeros(moved[..., 0].size))
+    with pytest.raises(pf.UsageError, match="meet at"):
+        pf.denoise_depth(pf.read(tmp_path / "moved.pcd"))
+    assert same_bits(pf.denoise_depth(-measured), -pf.denoise_depth(measured))  # a camera that looks along -z
