@@ -80,9 +80,8 @@ NewFile::NewFile(const fs::path& path, std::uint64_t size) : path_(path), size_(
 }
 
 NewFile::~NewFile() {
-  if (fd_ < 0) return;
-  platform::close_file(fd_);
-  platform::remove_file(temporary_.c_str());
+  if (fd_ >= 0) platform::close_file(fd_);
+  if (!temporary_.empty() && !is_finished_) platform::remove_file(temporary_.c_str());
 }
 
 void NewFile::fail(int error) const {
@@ -116,6 +115,7 @@ void NewFile::finish(bool name_too) {
   if (platform::sync_file(fd_) != 0) fail(errno);
   if (platform::close_file(std::exchange(fd_, -1)) != 0) fail(errno);
   if (platform::rename_over(temporary_, path_) != 0) fail(errno);
+  is_finished_ = true;
   if (name_too) platform::sync_folder(path_.parent_path());
 }
 

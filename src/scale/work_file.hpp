@@ -55,6 +55,7 @@ class NewFile {
   std::filesystem::path path_, temporary_;
   std::uint64_t size_, written_ = 0;
   int fd_ = -1;
+  bool is_finished_ = false;              // the file on disk has its name
   std::unique_ptr<FileContent> content_;  // of a file in memory
 };
 

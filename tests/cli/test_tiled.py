@@ -376,6 +376,13 @@ class Cost(Case):
 
 
 class Refusals(Case):
+    def test_a_file_that_cannot_get_its_name_leaves_nothing(self):
+        cloud = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
+        work = self.path("work")
+        (work / "leaves").mkdir(parents=True)
+        self.fails(3, "tile", "plan", cloud, "--out", self.path("out.ply"), "--work", work, says="leaves: cannot write")
+        self.assertEqual([path.name for path in work.iterdir()], ["leaves"])
+
     def test_what_cannot_be_done_in_tiles_is_refused(self):
         source = write_binary(self.path("in.ply"), sphere_points(500, 0.01))
         out = self.path("out.ply")
