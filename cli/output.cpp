@@ -34,8 +34,8 @@ int exit_code(ErrorKind kind) {
 }
 
 ErrorKind common_kind(std::span<const ErrorKind> kinds) {
-  const bool are_alike = std::ranges::all_of(kinds, [&](ErrorKind kind) { return kind == kinds.front(); });
-  return are_alike ? kinds.front() : ErrorKind::failed;
+  const bool is_common = std::ranges::all_of(kinds, [&](ErrorKind kind) { return kind == kinds.front(); });
+  return is_common ? kinds.front() : ErrorKind::failed;
 }
 
 void print_error(std::string_view message) {

@@ -214,7 +214,7 @@ std::string naming(const Row& row, const std::string& error) {
   return row.input.string() + ": " + error;
 }
 
-// The run of a file. One without points is copied: a survey's tile without a return is no failure.
+// The run of a file. One without points is copied: a tile without a return is no failure.
 Told ran_or_copied(const RunArguments& of_file, const RunFile& run_file, Progress& progress) {
   try {
     return run_file(of_file, progress);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Files that are sound and hold no points, such as a survey's tiles without a return.
+// Files that are sound and hold no points, such as tiles without a return.
 #pragma once
 
 #include <filesystem>
