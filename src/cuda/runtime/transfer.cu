@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
 
-#include "cuda/runtime/host_copy.hpp"
 #include "cuda/runtime/transfer.cuh"
+#include "seam/host_copy.hpp"
 
 namespace pointfair::cuda {
 namespace {

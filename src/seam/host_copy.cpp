@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "cuda/runtime/host_copy.hpp"
+#include "seam/host_copy.hpp"
 
 #include <tbb/parallel_for.h>
 
