@@ -11,7 +11,6 @@
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/pipeline_access.hpp"
 #include "pipeline/run_state.hpp"
-#include "platform/large_pages.hpp"
 #include "pointfair/file_info.hpp"
 #include "pointfair/viewpoint.hpp"
 
@@ -113,7 +112,7 @@ Cloud Pipeline::run(const Params& params, std::stop_token stop, const ProgressFu
     const Params in_units = params_for(result, params);
     if (state_->runs_in_zones(in_units)) return state_->run_in_zones(in_units, stop, progress);
     state_->wide_run.reset();
-    result.points = platform::zeros<Point>(state_->cloud.points());
+    result.points.resize(state_->cloud.points());
     state_->run(in_units, result.points, stop, progress);
     if (!state_->outliers.empty()) result.added.push_back(outlier_marks(result, state_->outliers));
     return result;

@@ -15,6 +15,15 @@ namespace {
 
 constexpr std::size_t kSampledBlocks = 32, kSampledPerBlock = 128;
 
+// Zeroed points.
+std::vector<Point> new_points(std::size_t count) {
+  std::vector<Point> points;
+  points.reserve(count);
+  platform::prefer_large_pages(points.data(), count * sizeof(Point));
+  points.resize(count);
+  return points;
+}
+
 using io::same_bits;
 using io::to_offset;
 
@@ -50,7 +59,7 @@ std::vector<Point> Source::place() {
   } catch (const Error&) {
     origin_ = {};
   }
-  std::vector<Point> points = platform::zeros<Point>(static_cast<std::size_t>(size()));
+  std::vector<Point> points = new_points(static_cast<std::size_t>(size()));
   sample_ = place_at_origin(points);
   const Position origin = io::choose_origin(sample_);
   if (origin != origin_) {

@@ -3,20 +3,10 @@
 #pragma once
 
 #include <cstddef>
-#include <vector>
 
 namespace pointfair::platform {
 
 // For memory that nobody wrote to yet. A hint: where it fails, time is lost only.
 void prefer_large_pages(void* from, std::size_t bytes);
-
-template <class T>
-std::vector<T> zeros(std::size_t count) {
-  std::vector<T> values;
-  values.reserve(count);
-  prefer_large_pages(values.data(), count * sizeof(T));
-  values.resize(count);
-  return values;
-}
 
 }  // namespace pointfair::platform
