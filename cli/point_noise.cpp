@@ -2,6 +2,7 @@
 #include "point_noise.hpp"
 
 #include <fmt/format.h>
+#include <tbb/parallel_for.h>
 
 #include <algorithm>
 #include <cctype>
@@ -98,26 +99,26 @@ void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::
   add_floats(name, values, cloud);
 }
 
-std::vector<double> displacements(const Cloud& before, const Cloud& after) {
-  std::vector<double> lengths(before.points.size());
-  if (after.source == before.source) {
-    for (std::size_t i = 0; i < lengths.size(); ++i) {
-      const Point &p = before.points[i], &q = after.points[i];
-      lengths[i] = std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z);
-    }
-    return lengths;
+void displacements(const Cloud& before, const Cloud& after, std::span<double> out) {
+  std::vector<Position> from, to;
+  if (after.source != before.source) {
+    from.resize(out.size());
+    to.resize(out.size());
+    positions(before, from);
+    positions(after, to);
   }
-  std::vector<Position> from(lengths.size()), to(lengths.size());
-  positions(before, from);
-  positions(after, to);
-  for (std::size_t i = 0; i < lengths.size(); ++i)
-    lengths[i] = std::hypot(to[i][0] - from[i][0], to[i][1] - from[i][1], to[i][2] - from[i][2]);
-  return lengths;
+  tbb::parallel_for(std::size_t(0), out.size(), [&](std::size_t i) {
+    const Point &p = before.points[i], &q = after.points[i];
+    out[i] = from.empty() ? std::hypot(double{q.x} - p.x, double{q.y} - p.y, double{q.z} - p.z)
+                          : std::hypot(to[i][0] - from[i][0], to[i][1] - from[i][1], to[i][2] - from[i][2]);
+  });
 }
 
 void write_displacement_attribute(const Cloud& before, const std::string& name, Cloud& cloud) {
+  std::vector<double> lengths(cloud.points.size());
+  displacements(before, cloud, lengths);
   std::vector<float> values;
-  for (const double length : displacements(before, cloud))
+  for (const double length : lengths)
     values.push_back(std::isfinite(length) ? static_cast<float>(length) : std::numeric_limits<float>::quiet_NaN());
   add_floats(name, values, cloud);
 }

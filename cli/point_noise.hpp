@@ -2,6 +2,7 @@
 // Lengths of points in files: the noise, read for --noise NAME and written for --write-noise, and the displacement.
 #pragma once
 
+#include <span>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -31,7 +32,7 @@ void write_noise_attribute(Pipeline& pipeline, const Params& params, const std::
 /// Adds how far each point moved from `before`, as an attribute of floats, NaN for an invalid point.
 void write_displacement_attribute(const Cloud& before, const std::string& name, Cloud& cloud);
 
-/// How far each point moved, with all digits of the positions; not finite for an invalid point.
-std::vector<double> displacements(const Cloud& before, const Cloud& after);
+/// How far each point moved, with all digits of the positions; not finite for an invalid point. `out`: for each point.
+void displacements(const Cloud& before, const Cloud& after, std::span<double> out);
 
 }  // namespace pointfair::cli

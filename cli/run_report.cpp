@@ -5,6 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
+#include <span>
 
 #include "output.hpp"
 #include "point_noise.hpp"
@@ -14,9 +16,12 @@ namespace {
 
 // Of the finite points, in file units.
 Statistics displacement(const Cloud& before, const Cloud& after) {
-  std::vector<double> lengths = displacements(before, after);
-  std::erase_if(lengths, [](double length) { return !std::isfinite(length); });
-  return summarize(lengths);
+  const std::size_t points = before.points.size();
+  const auto memory = std::make_unique_for_overwrite<double[]>(points);  // first met by all threads
+  const std::span lengths(memory.get(), points);
+  displacements(before, after, lengths);
+  const auto others = std::ranges::remove_if(lengths, [](double length) { return !std::isfinite(length); });
+  return summarize(lengths.first(points - others.size()));
 }
 
 PointCounts point_counts(const Report& report, const Findings& findings) {

@@ -2,6 +2,7 @@
 // A list of distances in four numbers.
 #pragma once
 
+#include <span>
 #include <vector>
 
 namespace pointfair::cli {
@@ -12,8 +13,8 @@ struct Statistics {
   double max = 0;
 };
 
-/// Of non-negative values, which it reorders; zeros for an empty list. O(N).
-Statistics summarize(std::vector<double>& values);
+/// Of non-negative values, which it may reorder; zeros for an empty list. O(N).
+Statistics summarize(std::span<double> values);
 
 double median(std::vector<double> values);
 
