@@ -264,8 +264,7 @@ class Resolver {
 
 Needed needed_by(const Params& asked) {
   // with all the room that Eq. 18 knows; noise that neighbours share may ask for more
-  constexpr double kMostRoom = constants::kRoominess * constants::kRoominess;
-  const int most = int(std::lround(kMostRoom * constants::kMinNeighbors));
+  const int most = int(std::lround(constants::kRoominess * constants::kRoominess * constants::kMinNeighbors));
   const int usual = asked.min_neighbors == kAutomatic ? most : asked.min_neighbors;
   return {{needs_spacing(asked), needs_noise(asked), sums_within_radius(asked) ? usual : 0, needs_noise(asked)},
           needs_diagonal(asked)};

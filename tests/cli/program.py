@@ -12,6 +12,7 @@ import unittest
 from pathlib import Path
 
 BIN = os.environ["POINTFAIR_BIN"]
+SANITIZED = any(name in Path(BIN).read_bytes() for name in (b"__asan_init", b"__tsan_init"))
 TIMEOUT = 120
 
 STRUCT_CODES = {

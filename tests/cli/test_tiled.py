@@ -8,8 +8,9 @@ import signal
 import struct
 import subprocess
 import time
+import unittest
 
-from program import BIN, Case, default_signals, run, sphere_points
+from program import BIN, SANITIZED, Case, default_signals, run, sphere_points
 from survey_files import ground, las_grid, write_e57, write_las
 
 NAN = float("nan")
@@ -174,6 +175,7 @@ class Bits(Case):
         self.fails(2, "run", near[0], far, near[1], "--out-dir", self.path("fair"), says="far.ply: lies")
         self.ok("run", *near, "--out-dir", self.path("fair"), "-q")
 
+    @unittest.skipIf(SANITIZED, "sanitizers reserve more memory than the limit allows")
     def test_a_cloud_that_would_not_fit_is_computed_in_tiles_and_one_line_says_so(self):
         points = sphere_points(3000, 0.01) * 400  # each place often, so that little is computed
         source = write_binary(self.path("in.ply"), points[:1200000])
@@ -186,6 +188,7 @@ class Bits(Case):
         self.assertRegex(limited.stderr, rb"would take \d\d+ MB of memory, and \d+ MB are free: .*computed in tiles on disk")
         self.assertEqual(whole.read_bytes(), cut.read_bytes())
 
+    @unittest.skipIf(SANITIZED, "sanitizers reserve more memory than the limit allows")
     def test_a_file_that_is_read_by_flags_is_computed_in_memory_whatever_its_size(self):
         rows = "".join(f"{i} {x:.6f} {y:.6f} {z:.6f}\n" for i, (x, y, z) in enumerate(sphere_points(5000, 0.01)))
         source, out = self.path("in.txt"), self.path("out.txt")
