@@ -31,6 +31,10 @@ POINTFAIR_EXPORT Position choose_origin_by_sample(std::vector<Position> sample);
 /// A cloud of these positions, as `read` makes it of a binary file of them. O(N).
 POINTFAIR_EXPORT Cloud make_cloud(std::span<const Position> positions);
 
+/// Whether the cloud is too wide for floats around one origin (docs/scale.md), so that a run on it may have zones, and
+/// other bits than one on its points alone, as in Pipeline::run_many. O(1): by a sample.
+POINTFAIR_EXPORT bool needs_zones(const Cloud& cloud);
+
 /// The positions of a cloud, as `write` writes them: a coordinate of the cloud's file keeps all its digits, and a moved
 /// one is the file's value plus the displacement. Throws ErrorKind::usage if `out` has another size. O(N).
 POINTFAIR_EXPORT void positions(const Cloud& cloud, std::span<Position> out);

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <exception>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -92,7 +93,8 @@ class ManyArrays {
       : rows_(rows_of(coordinates)),
         offsets_(offsets.begin(), offsets.end()),
         workers_(workers),
-        clouds_(offsets.size() - 1) {
+        clouds_(offsets.size() - 1),
+        is_wide_(clouds_.size()) {
     points_.resize(rows_.size());
     for_each_cloud(clouds_.size(), workers_, [this](bool) {
       return [this](std::size_t cloud) {
@@ -100,6 +102,7 @@ class ManyArrays {
         for (const RowType& row : rows(cloud)) positions.push_back({double(row[0]), double(row[1]), double(row[2])});
         clouds_[cloud] = make_cloud(positions);
         const Cloud& its = clouds_[cloud];
+        is_wide_[cloud] = sizeof(Scalar) == sizeof(double) && needs_zones(its);  // floats have no more digits
         std::ranges::copy(its.points, points_.begin() + static_cast<std::ptrdiff_t>(offsets_[cloud]));
       };
     });
@@ -107,10 +110,13 @@ class ManyArrays {
 
   const std::vector<std::uint64_t>& offsets() const { return offsets_; }
   std::span<const Point> points() const { return points_; }
+  bool is_wide(std::size_t cloud) const { return is_wide_[cloud] != 0; }
 
+  // Those that are not wide.
   void move(std::span<const Point> after, std::span<Scalar> out) const {
     for_each_cloud(clouds_.size(), workers_, [&](bool) {
       return [&](std::size_t cloud) {
+        if (is_wide(cloud)) return;
         const auto its = rows(cloud);
         std::vector<Position> positions;
         for (const RowType& row : its) positions.push_back({double(row[0]), double(row[1]), double(row[2])});
@@ -133,12 +139,37 @@ class ManyArrays {
   std::vector<std::uint64_t> offsets_;
   std::size_t workers_;
   std::vector<Cloud> clouds_;
+  std::vector<std::uint8_t> is_wide_;
   std::vector<Point> points_;
 };
 
+// One after the other, each as Pipeline.run does.
 template <class Scalar>
-void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets,
-                  const Params& params, std::size_t workers, std::span<Scalar> out, const Watch& watch) {
+class Alone {
+ public:
+  Alone(Device device, std::span<const Scalar> coordinates, std::span<const std::int64_t> offsets,
+        std::span<Scalar> out)
+      : arrays_(device), coordinates_(coordinates), offsets_(offsets), out_(out) {}
+
+  Report run(std::size_t cloud, const Params& params, const std::stop_token& stop) {
+    const auto begin = static_cast<std::size_t>(3 * offsets_[cloud]);
+    const auto count = static_cast<std::size_t>(3 * offsets_[cloud + 1]) - begin;
+    arrays_.load(coordinates_.subspan(begin, count), false);
+    arrays_.run(params, {}, out_.subspan(begin, count), {stop, {}});
+    return arrays_.report();
+  }
+
+ private:
+  ArrayPipeline arrays_;
+  std::span<const Scalar> coordinates_;
+  std::span<const std::int64_t> offsets_;
+  std::span<Scalar> out_;
+};
+
+template <class Scalar>
+void run_together(Pipeline& pipeline, Device device, std::span<const Scalar> coordinates,
+                  std::span<const std::int64_t> offsets, const Params& params, std::size_t workers,
+                  std::span<Scalar> out, const Watch& watch) {
   if constexpr (sizeof(Scalar) == sizeof(float)) {
     const std::vector<std::uint64_t> ends(offsets.begin(), offsets.end());
     const std::size_t count = coordinates.size() / 3;
@@ -154,6 +185,12 @@ void run_together(Pipeline& pipeline, std::span<const Scalar> coordinates, std::
   std::vector<Point> after(arrays.points().size());
   pipeline.run_many(arrays.points(), arrays.offsets(), params, after, watch.stop);
   arrays.move(after, out);
+  std::optional<Alone<Scalar>> alone;  // of clouds that have zones
+  for (std::size_t cloud = 0; cloud + 1 < offsets.size(); ++cloud) {
+    if (!arrays.is_wide(cloud)) continue;
+    if (!alone) alone.emplace(device, coordinates, offsets, out);
+    alone->run(cloud, params, watch.stop);
+  }
 }
 
 }  // namespace
@@ -165,18 +202,15 @@ void denoise_batch(Pipeline& pipeline, Device device, std::span<const Scalar> co
   check_offsets(offsets, coordinates.size() / 3);
   const std::size_t clouds = offsets.size() - 1;
   if (reports.empty() && pipeline.runs_together(params))
-    return run_together(pipeline, coordinates, offsets, params, workers_of(threads), out, watch);
+    return run_together(pipeline, device, coordinates, offsets, params, workers_of(threads), out, watch);
   const bool on_card = pipeline.device().kind == Device::cuda;
   for_each_cloud(clouds, workers_of(threads), [&](bool is_first) {
-    return
-        [&, is_first, arrays = ArrayPipeline(on_card ? device : Device(Device::cpu, 0, 1))](std::size_t cloud) mutable {
-          const auto begin = static_cast<std::size_t>(3 * offsets[cloud]);
-          const auto count = static_cast<std::size_t>(3 * offsets[cloud + 1]) - begin;
-          arrays.load(coordinates.subspan(begin, count), false);
-          arrays.run(params, {}, out.subspan(begin, count), {watch.stop, {}});
-          if (!reports.empty()) reports[cloud] = arrays.report();
-          if (is_first && watch.progress) watch.progress(double(cloud) / double(clouds), "batch");
-        };
+    const Device its = on_card ? device : Device(Device::cpu, 0, 1);
+    return [&, is_first, alone = Alone<Scalar>(its, coordinates, offsets, out)](std::size_t cloud) mutable {
+      Report report = alone.run(cloud, params, watch.stop);
+      if (!reports.empty()) reports[cloud] = std::move(report);
+      if (is_first && watch.progress) watch.progress(double(cloud) / double(clouds), "batch");
+    };
   });
 }
 

@@ -6,6 +6,7 @@
 #include "io/placed_source.hpp"
 #include "pipeline/outlier_marks.hpp"
 #include "pipeline/run_state.hpp"
+#include "pointfair/positions.hpp"
 #include "pointfair/run_notes.hpp"
 #include "scale/wide_cloud.hpp"
 
@@ -19,6 +20,8 @@ std::optional<Position> sensor_of(const std::vector<Position>& viewpoints) {
 }
 
 }  // namespace
+
+bool needs_zones(const Cloud& cloud) { return scale::zones_of(cloud).are_several(); }
 
 void Pipeline::State::find_zones(const Cloud& loaded) {
   const scale::Zones zones = scale::zones_of(loaded);
