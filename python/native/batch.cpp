@@ -151,13 +151,13 @@ class Alone {
         std::span<Scalar> out)
       : arrays_(device), coordinates_(coordinates), offsets_(offsets), out_(out) {}
 
-  Report run(std::size_t cloud, const Params& params, const std::stop_token& stop) {
+  void run(std::size_t cloud, const Params& params, const std::stop_token& stop) {
     const auto begin = static_cast<std::size_t>(3 * offsets_[cloud]);
     const auto count = static_cast<std::size_t>(3 * offsets_[cloud + 1]) - begin;
     arrays_.load(coordinates_.subspan(begin, count), false);
     arrays_.run(params, {}, out_.subspan(begin, count), {stop, {}});
-    return arrays_.report();
   }
+  Report report() const { return arrays_.report(); }
 
  private:
   ArrayPipeline arrays_;
@@ -207,8 +207,8 @@ void denoise_batch(Pipeline& pipeline, Device device, std::span<const Scalar> co
   for_each_cloud(clouds, workers_of(threads), [&](bool is_first) {
     const Device its = on_card ? device : Device(Device::cpu, 0, 1);
     return [&, is_first, alone = Alone<Scalar>(its, coordinates, offsets, out)](std::size_t cloud) mutable {
-      Report report = alone.run(cloud, params, watch.stop);
-      if (!reports.empty()) reports[cloud] = std::move(report);
+      alone.run(cloud, params, watch.stop);
+      if (!reports.empty()) reports[cloud] = alone.report();
       if (is_first && watch.progress) watch.progress(double(cloud) / double(clouds), "batch");
     };
   });

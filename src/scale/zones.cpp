@@ -22,10 +22,10 @@ constexpr double kFiner = 8;                // steps in zones, at least, than th
 constexpr double kDense = 0.25;             // quantile of distances: where points are dense, steps matter most
 constexpr std::size_t kNth = 4;
 
-// Squared distance to the kNth nearest other place; the places ascend along x.
-double squared_reach(const std::vector<Position>& places, std::size_t at) {
+// Squared distance to the kNth nearest other place, `most` if it is farther; the places ascend along x.
+double squared_reach(const std::vector<Position>& places, std::size_t at, double most) {
   std::array<double, kNth> nearest;
-  nearest.fill(kInfinite);
+  nearest.fill(most);
   const auto offer = [&](const Position& p) {
     const Position d = difference(p, places[at]);
     if (d[0] * d[0] >= nearest.back()) return false;
@@ -58,13 +58,15 @@ double float_step_of(const std::vector<Position>& places, const Position& origin
   return portable::power_of_two_below(*farthest) * 0x1p-23;
 }
 
-// Of a surface that has `share` of its points among these: a disc to the kNth nearest holds so many.
-double spacing_of(std::vector<Position> places, double share) {
+// Of a surface that has `share` of its points among these: a disc to the kNth nearest holds so many. At least `most` if
+// it is more: nothing is looked for beyond.
+double spacing_of(std::vector<Position> places, double share, double most) {
   std::ranges::sort(places);
   places.erase(std::unique(places.begin(), places.end()), places.end());
   if (places.size() < kFewest) return kInfinite;
+  const double farthest = most * most * double(kNth) / (std::numbers::pi * share) * 1.000001;
   std::vector<double> squared;
-  for (std::size_t i = 0; i < places.size(); ++i) squared.push_back(squared_reach(places, i));
+  for (std::size_t i = 0; i < places.size(); ++i) squared.push_back(squared_reach(places, i, farthest));
   const auto dense = squared.begin() + std::ptrdiff_t(kDense * double(squared.size()));
   std::nth_element(squared.begin(), dense, squared.end());
   return std::sqrt(std::numbers::pi * *dense / double(kNth) * share);
@@ -103,7 +105,7 @@ double zone_side(std::vector<Position> sample, std::uint64_t points, const Posit
   const double step = float_step_of(sample, origin);
   if (!(step > coordinate_step)) return 0;
   const double share = std::min(1.0, double(io::kSampledPositions) / double(points));
-  const double spacing = spacing_of(std::move(sample), share);
+  const double spacing = spacing_of(std::move(sample), share, step / kCoarse);  // with more, the step is fine
   const double share_of_spacing = coordinate_step > kTelling * spacing ? kCoarse : kSurelyCoarse;
   const double coarse = std::max(coordinate_step, share_of_spacing * spacing);
   if (!(step > coarse)) return 0;
