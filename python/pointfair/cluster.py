@@ -27,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 from importlib import import_module
-from typing import Any, Iterator, Mapping, Sequence
+from typing import Any, Callable, Iterator, Mapping, Sequence
 
 from ._errors import DeviceError, Error, FileError, OutOfMemory, UsageError
 from ._program import program_path
@@ -86,13 +86,17 @@ def _fetch(wanted: tuple[str, str, bool]) -> None:
     _copy((address, path))
 
 
-def _state_of(address: str) -> str:
-    """What tells a file of a store from another one under its name: the size, and what the store says of its content or time."""
+def _looked_up(address: str, ask: Callable[[Any, str], Any]) -> Any:
+    """What a store says of an address."""
     try:
-        files, path = import_module("fsspec.core").url_to_fs(address)
-        info = files.info(path)
+        return ask(*import_module("fsspec.core").url_to_fs(address))
     except Exception as error:  # each store has its own
         raise FileError(f"{address}: cannot be looked up: {error}") from None
+
+
+def _state_of(address: str) -> str:
+    """What tells a file of a store from another one under its name: the size, and what the store says of its content or time."""
+    info = _looked_up(address, lambda files, path: files.info(path))
     names = ("ETag", "etag", "md5Hash", "mtime", "LastModified", "last_modified", "updated", "created")
     return f"{info.get('size')} {next((info[name] for name in names if info.get(name) is not None), '')}"
 
@@ -114,12 +118,7 @@ def _copy_file(source: str, target: str) -> None:
 
 
 def _refuse_existing(address: str) -> None:
-    try:
-        files, path = import_module("fsspec.core").url_to_fs(address)
-        exists = files.exists(path)
-    except Exception as error:  # each store has its own
-        raise FileError(f"{address}: cannot be looked up: {error}") from None
-    if exists:
+    if _looked_up(address, lambda files, path: files.exists(path)):
         raise FileError(f"{address}: exists already; add --force to replace it")
 
 
