@@ -218,6 +218,18 @@ TEST_F(CudaBackendTest, equals_the_cpu_on_hard_clouds) {
   expect_same(lattice(40), with_neighbors(16), "a lattice");
 }
 
+// So far from the origin that the sheet's points lie in planes, as far apart as a leaf is wide.
+TEST_F(CudaBackendTest, equals_the_cpu_where_floats_are_coarse_against_the_spacing) {
+  for (const float step : {0.03125f, 0.0078125f, 0.0009765625f}) {
+    std::vector<Point> cloud = noisy_sphere(6000, 29, 0.002);
+    for (std::size_t i = 0; i < cloud.size(); i += 2) {
+      Point& p = cloud[i];
+      p = {0.5f * p.x + 9e6f * step, 0.5f * p.y + 3e6f * step, 0.1f * p.z};
+    }
+    for (const int k : {5, 8, 16, 32, 64}) expect_same(cloud, with_neighbors(k), "coarse floats");
+  }
+}
+
 // Cells of the curve that hold more points than a leaf, and more than a block of leaves; points in its last cells,
 // beside invalid ones, which must still be sorted behind all others.
 TEST_F(CudaBackendTest, equals_the_cpu_where_cells_are_dense) {

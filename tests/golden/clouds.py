@@ -317,6 +317,8 @@ CLOUDS = {
     "plate.ply": lambda: ply(plate()),
     "outliers.ply": lambda: ply(with_outliers(sphere())),
     "uneven.ply": lambda: ply(uneven()),
+    # around one origin the second has a float step of .03125 in x
+    "far_apart.ply": lambda: ply(waves(n=1500) + moved(waves(n=1500, seed=27), (3e5, 1e5, 0))),
     "rising_noise.ply": lambda: ply(rising_noise()),
     "rising_noise_large.ply": lambda: ply(rising_noise(n=8000)),
     "sweep.pcd": lambda: organised(sweep(), 120),

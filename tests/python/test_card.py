@@ -189,13 +189,15 @@ def test_batches_on_the_card_have_the_bits_of_single_calls(dtype, offset, params
 
 
 @needs_card
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
 @pytest.mark.parametrize("params", [{}, {"k": 8}])
-def test_clouds_too_wide_for_floats_have_the_bits_of_single_calls_in_a_batch(params):
-    near, far = waves(3000, seed=1), waves(3000, seed=2, centre=(3e5, 1e5, 0))
+def test_clouds_too_wide_for_floats_have_the_bits_of_the_cpu_also_in_a_batch(params, dtype):
+    near, far = waves(3000, seed=1, dtype=dtype), waves(3000, seed=2, dtype=dtype, centre=(3e5, 1e5, 0))
     clouds = [near, np.concatenate([near, far]), far]
     results = pf.denoise_batch(clouds, device="cuda", **params)
     for cloud, result in zip(clouds, results):
         assert same_bits(result, pf.denoise(cloud, device="cuda", **params))
+        assert same_bits(result, pf.denoise(cloud, device="cpu", **params))
     assert same_bits(pf.denoise_batch(clouds[1:2], device="cuda", **params)[0], results[1])
 
 

@@ -10,12 +10,12 @@
 // order. A lane's result stands only if the last key kept and the least key rejected differ by that much; otherwise, or
 // if the table overflows, the query goes to the exact search. Those kept are put in exact order at the end.
 //
-// Rounding. The queries' coordinates are at most 1024, the candidates', where it matters, at most 1024 + 1774, all
-// twice rounded, so a difference of two is off by less than 2^-11 and a squared distance of up to 1774^2 by less than 2
-// * 1774
-// * sqrt(3) * 2^-11 = 3 units. Three additions for |c|^2 and three for -2 q.c stay below 2^25, so each rounds by one
-// unit at most, and the exact squared distance itself is rounded by less than one: 10 in all. Below a quarter of the
-// diagonal, |c| is at most 1536 and the six sums are below 2^24: 0.6 + 6 / 2 + 0.1 units.
+// Rounding. From the box's low corner the queries' coordinates are at most 2047, from its middle 1024; the candidates',
+// where it matters, 1774 more. Each is rounded three times, so a difference of two is off by less than 2^-11 and a
+// squared distance of up to 1774^2 by less than 2 * 1774 * sqrt(3) * 2^-11 = 3 units. Three additions for |c|^2 and
+// three for -2 q.c stay below 2^25, so each rounds by one unit at most, and the exact squared distance itself is
+// rounded by less than one: 10 in all. Below a quarter of the diagonal, |c| is at most 1536 and the six sums are below
+// 2^24: 0.6 + 6 / 2 + 0.1 units.
 #pragma once
 
 #include "cuda/runtime/network.cuh"
@@ -76,8 +76,8 @@ class GroupSearch {
         active_(is_present(tree.points[at_])),
         boxes_(position_, active_) {
     const Box all = boxes_.all();
-    middle_ = {0.5f * all.min.x + 0.5f * all.max.x, 0.5f * all.min.y + 0.5f * all.max.y,
-               0.5f * all.min.z + 0.5f * all.max.z};
+    low_ = all.min;
+    half_ = 0.5f * (all.max - all.min);
     squared_diagonal_ = QueryBoxes::squared_diagonal(all);
     scale_ = kDiagonalSteps * rsqrtf(squared_diagonal_);
     stack_ = shared_address(&memory.stack[0][lane_number()]);
@@ -183,7 +183,8 @@ class GroupSearch {
   }
 
   __device__ __forceinline__ Vec scaled_of(Vec p) const {
-    return {(p.x - middle_.x) * scale_, (p.y - middle_.y) * scale_, (p.z - middle_.z) * scale_};
+    return {((p.x - low_.x) - half_.x) * scale_, ((p.y - low_.y) - half_.y) * scale_,
+            ((p.z - low_.z) - half_.z) * scale_};
   }
   __device__ __forceinline__ void put(unsigned place, Vec scaled, unsigned slot, Index position) {
     memory_.close[place] = {scaled.x, scaled.y, scaled.z, __uint_as_float(slot)};
@@ -358,7 +359,8 @@ class GroupSearch {
   Vec position_;
   bool active_;
   QueryBoxes boxes_;
-  Vec middle_, query_;  // query_: -2 q
+  Vec low_, half_;  // the middle as a sum: where floats are coarse, one alone may be a corner of the box
+  Vec query_;       // -2 q
   float squared_diagonal_, scale_;
   bool any_dropped_ = false;     // lanes that looked too far
   float dropped_at_ = 0;         // how far this one looked, units
