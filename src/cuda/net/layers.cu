@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A block of three warps works on a leaf. Matrices are for the tensor cores: a warp has 16 channels of all points. Of
-// edges a thread has four channels of four points, so that their mean and maximum stay in the thread.
+// A block of four warps works on a leaf, and tensor cores multiply: of what a point has of its own, a warp has half of
+// the channels of half of the points; of the edges, all channels of every fourth point, the 16 edges of one at a time.
 #include "cuda/net/layers.cuh"
 #include "cuda/runtime/warp.cuh"
 
@@ -8,12 +8,12 @@ namespace pointfair::cuda {
 namespace {
 
 constexpr int kBlock = 128;
-constexpr int kPointsOfThread = 4, kGroups = kWarp / kPointsOfThread;  // threads with the same channels
-constexpr int kWords = net::kChannelWords, kTile = kWords * kGroups;
+constexpr int kWarps = 4, kTile = kWarps * kWarp;  // that have a leaf
+constexpr int kWords = net::kChannelWords;
 constexpr int kQuads = kWords / 4;  // loads of 16 bytes for a state
-// words; no conflicts of banks
-constexpr int kHiddenRow = net::kNeighbors * kWords + 4, kGateRow = kWarp + 1, kOwnRow = net::kChannels + 4;
-static_assert(kTile == 3 * kWarp && kWords % net::kGates == 0 && kWords / net::kGates * 4 == net::kNeighbors);
+// so that banks do not meet
+constexpr int kEdgeRow = net::kNeighbors + 1, kGateRow = kWarp + 1, kOwnRow = net::kChannels + 4;
+static_assert(net::kChannels == 3 * 16 && net::kNeighbors == 16 && net::kEdgeWords == 3);
 
 __device__ __forceinline__ int clamped(int value, int least, int most) { return max(least, min(most, value)); }
 __device__ __forceinline__ int activation(int rounded_sum) { return clamped(rounded_sum >> net::kSumShift, 0, 127); }
@@ -34,64 +34,78 @@ __device__ __forceinline__ void add_word(int (&sums)[4], int input, int4 weights
   sums[3] = __dp4a(input, weights.w, sums[3]);
 }
 
-// sums += a matrix of 16 x 16 bytes times one of 16 x 8, as the lanes of a warp hold them (PTX ISA, mma.m16n8k16).
-__device__ __forceinline__ void multiply(int (&sums)[4], unsigned low_rows, unsigned high_rows, int weights) {
+// sums = from + a matrix of 16 x 16 bytes times one of 16 x 8, as the lanes of a warp hold them (PTX ISA,
+// mma.m16n8k16): this lane has of the first the words `low` and `high` of rows lane / 4 and 8 more, of the second
+// `column` of column lane / 4, and of the sums columns 2 (lane % 4) and the next, of both rows.
+__device__ __forceinline__ void multiply(int (&sums)[4], unsigned low, unsigned high, unsigned column,
+                                         const int (&from)[4]) {
 #if __CUDA_ARCH__ >= 800
-  asm("mma.sync.aligned.m16n8k16.row.col.s32.s8.s8.s32 {%0,%1,%2,%3}, {%4,%5}, {%6}, {%0,%1,%2,%3};"
-      : "+r"(sums[0]), "+r"(sums[1]), "+r"(sums[2]), "+r"(sums[3])
-      : "r"(low_rows), "r"(high_rows), "r"(weights));
+  asm("mma.sync.aligned.m16n8k16.row.col.s32.s8.s8.s32 {%0,%1,%2,%3}, {%4,%5}, {%6}, {%7,%8,%9,%10};"
+      : "=r"(sums[0]), "=r"(sums[1]), "=r"(sums[2]), "=r"(sums[3])
+      : "r"(low), "r"(high), "r"(column), "r"(from[0]), "r"(from[1]), "r"(from[2]), "r"(from[3]));
 #else
-  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%0,%1};"
-      : "+r"(sums[0]), "+r"(sums[1])
-      : "r"(low_rows), "r"(weights));
-  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%0,%1};"
-      : "+r"(sums[2]), "+r"(sums[3])
-      : "r"(high_rows), "r"(weights));
+  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%4,%5};"
+      : "=r"(sums[0]), "=r"(sums[1])
+      : "r"(low), "r"(column), "r"(from[0]), "r"(from[1]));
+  asm("mma.sync.aligned.m8n8k16.row.col.s32.s8.s8.s32 {%0,%1}, {%2}, {%3}, {%4,%5};"
+      : "=r"(sums[2]), "=r"(sums[3])
+      : "r"(high), "r"(column), "r"(from[2]), "r"(from[3]));
+#endif
+}
+__device__ __forceinline__ void multiply(int (&sums)[4], unsigned low, unsigned high, unsigned column) {
+  multiply(sums, low, high, column, sums);
+}
+// Of matrices twice as long.
+__device__ __forceinline__ void multiply_two(int (&sums)[4], const unsigned (&a)[2], const unsigned (&b)[2],
+                                             unsigned column_a, unsigned column_b, const int (&from)[4]) {
+#if __CUDA_ARCH__ >= 800
+  asm("mma.sync.aligned.m16n8k32.row.col.s32.s8.s8.s32 {%0,%1,%2,%3}, {%4,%5,%6,%7}, {%8,%9}, {%10,%11,%12,%13};"
+      : "=r"(sums[0]), "=r"(sums[1]), "=r"(sums[2]), "=r"(sums[3])
+      : "r"(a[0]), "r"(a[1]), "r"(b[0]), "r"(b[1]), "r"(column_a), "r"(column_b), "r"(from[0]), "r"(from[1]),
+        "r"(from[2]), "r"(from[3]));
+#else
+  multiply(sums, a[0], a[1], column_a, from);
+  multiply(sums, b[0], b[1], column_b);
 #endif
 }
 
-// A warp's sums: 16 channels of the 32 points of a leaf.
+// A warp's sums: half of the channels of 16 points of a leaf.
 class WarpSums {
  public:
-  // From `bias`, null for 0, with the rounding of what comes after.
-  __device__ __forceinline__ WarpSums(const int* bias, int rounding) {
+  __device__ __forceinline__ explicit WarpSums(const int* bias) {
     for_pairs([&](int, int channel, int& first, int& second) {
-      first = (bias != nullptr ? bias[channel] : 0) + rounding;
-      second = (bias != nullptr ? bias[channel + 1] : 0) + rounding;
+      first = bias[channel] + kRounding;
+      second = bias[channel + 1] + kRounding;
     });
   }
   // Adds weights x inputs; `row(point)` has the inputs of a point, kLength words.
   template <int kLength, class Row>
   __device__ __forceinline__ void add_products(const signed char* weights, const Row& row) {
-    const int* const its = reinterpret_cast<const int*>(weights) + lane_ % 4 * net::kChannels + first_ + lane_ / 4;
+    const int* const its = reinterpret_cast<const int*>(weights) + part_ * net::kChannels + channel_ + row_;
+    const unsigned *const low = row(point_ + row_) + part_, *const high = row(point_ + row_ + 8) + part_;
 #pragma unroll
-    for (int word = 0; word < kLength; word += 4) {
-      const int near = its[word * net::kChannels], far = its[word * net::kChannels + 8];
+    for (int word = 0; word < kLength; word += 4)
 #pragma unroll
-      for (int half = 0; half < 2; ++half) {
-        const unsigned low = row(16 * half + lane_ / 4)[word + lane_ % 4];
-        const unsigned high = row(16 * half + 8 + lane_ / 4)[word + lane_ % 4];
-        multiply(sums_[half][0], low, high, near);
-        multiply(sums_[half][1], low, high, far);
-      }
-    }
+      for (int n = 0; n < kTiles; ++n)
+        multiply(sums_[n], low[word], high[word], static_cast<unsigned>(its[word * net::kChannels + 8 * n]));
   }
   // Calls visit(point, channel, its sum, that of the next channel) for all that this lane holds.
   template <class Visit>
   __device__ __forceinline__ void for_pairs(const Visit& visit) {
 #pragma unroll
-    for (int half = 0; half < 2; ++half)
+    for (int n = 0; n < kTiles; ++n)
 #pragma unroll
-      for (int n = 0; n < 2; ++n)
-#pragma unroll
-        for (int row = 0; row < 2; ++row)
-          visit(16 * half + 8 * row + lane_ / 4, first_ + 8 * n + lane_ % 4 * 2, sums_[half][n][2 * row],
-                sums_[half][n][2 * row + 1]);
+      for (int high = 0; high < 2; ++high)
+        visit(point_ + row_ + 8 * high, channel_ + 8 * n + 2 * part_, sums_[n][2 * high], sums_[n][2 * high + 1]);
   }
 
  private:
-  int lane_ = static_cast<int>(lane_number()), first_ = static_cast<int>(threadIdx.x) / kWarp * 16;  // channel
-  int sums_[2][2][4];
+  static constexpr int kTiles = net::kChannels / 2 / 8;
+
+  int row_ = static_cast<int>(lane_number()) / 4, part_ = static_cast<int>(lane_number()) % 4;
+  int point_ = static_cast<int>(threadIdx.x) / kWarp % 2 * 16,
+      channel_ = static_cast<int>(threadIdx.x) / kWarp / 2 * (net::kChannels / 2);
+  int sums_[kTiles][4];
 };
 
 // A point a thread, as the next.
@@ -137,123 +151,195 @@ __global__ void __launch_bounds__(kBlock)
     int sums[4] = {bias.x + kRounding, bias.y + kRounding, bias.z + kRounding, bias.w + kRounding};
 #pragma unroll
     for (int w = 0; w < net::kPointWords; ++w) add_word(sums, inputs[w], words_of(weights.input)[w * kWords + word]);
-    cloud.state[std::size_t(at) * kWords + word] =
+    cloud.next[std::size_t(at) * kWords + word] =
         packed(activation(sums[0]), activation(sums[1]), activation(sums[2]), activation(sums[3]));
   }
-}
-
-// Which channels and points a thread of a block has.
-struct Tile {
-  int word = static_cast<int>(threadIdx.x) % kWords, group = static_cast<int>(threadIdx.x) / kWords;
-  Index first = blockIdx.x * kWarp;
-  __device__ int lane_of(int p) const { return group * kPointsOfThread + p; }
-};
-
-__device__ __forceinline__ unsigned stored_pair(int a, int b) {
-  constexpr int kHalf = 1 << (net::kStoredShift - 1);
-  const int x = clamped((a + kHalf) >> net::kStoredShift, -32768, 32767);
-  const int y = clamped((b + kHalf) >> net::kStoredShift, -32768, 32767);
-  return (static_cast<unsigned>(x) & 0xffffu) | static_cast<unsigned>(y) << 16;
 }
 
 __device__ __forceinline__ unsigned activation_pair(int a, int b) {
   return static_cast<unsigned>(activation(a)) | static_cast<unsigned>(activation(b)) << 8;
 }
-
-__global__ void __launch_bounds__(kTile)
-    store_states(const __grid_constant__ NetCloud cloud, const signed char* weights) {
-  const std::size_t first = std::size_t(blockIdx.x) * kWarp;
-  WarpSums sums(nullptr, 0);
-  sums.add_products<kWords>(weights, [&](int p) { return cloud.state + (first + p) * kWords; });
-  unsigned* const stored = reinterpret_cast<unsigned*>(cloud.stored);  // pairs of channels
-  sums.for_pairs([&](int p, int channel, int a, int b) {
-    stored[((first + p) * net::kChannels + channel) / 2] = stored_pair(a, b);
-  });
+// Of two sums, each held between 0 and what gives the largest activation, as halves of a word.
+__device__ __forceinline__ unsigned held_halves(int low, int high) {
+  unsigned halves;
+  asm("cvt.pack.sat.s16.s32 %0, %1, %2;" : "=r"(halves) : "r"(high), "r"(low));
+  return __vimin_s16x2_relu(halves, ((128u << net::kSumShift) - 1) * 0x00010001u);
+}
+// Of four such halves the activations, as bytes.
+__device__ __forceinline__ unsigned activation_bytes(unsigned low, unsigned high) {
+  constexpr unsigned kToUpperByte = 1u << (8 - net::kSumShift);
+  return __byte_perm(low * kToUpperByte, high * kToUpperByte, 0x7531);
+}
+// The transpose of a matrix of 8 x 8 halves of words, a row of which four lanes hold.
+__device__ __forceinline__ unsigned transposed(unsigned row) {
+  unsigned column;
+  asm("movmatrix.sync.aligned.m8n8.trans.b16 %0, %1;" : "=r"(column) : "r"(row));
+  return column;
 }
 
 struct None {};
-struct Gated {
-  union {
-    unsigned hidden[kGroups * kHiddenRow];  // of one point of each group, edge by edge
-    float terms[3][net::kNeighbors][kWarp];
-  };
-  float gates[net::kNeighbors * net::kGates * kGateRow];
+struct Gates {
+  float of[net::kNeighbors * net::kGates * kGateRow];
 };
 template <bool kGated>
 struct LayerMemory {
-  int4 edges[net::kNeighbors][kWarp];  // words of features, and the neighbour
+  int4 edges[kWarp][kEdgeRow];  // of each point, words of features, and the neighbour
   unsigned means[kWarp][kWords], largest[kWarp][kWords];
-  alignas(16) int own[kWarp][kOwnRow];
-  std::conditional_t<kGated, Gated, None> gated;
+  union {
+    alignas(16) int own[kWarp][kOwnRow];
+    float terms[3][net::kNeighbors][kWarp];
+  };
+  std::conditional_t<kGated, Gates, None> gates;
 };
 
-// The weights of the edges for a thread's channels.
-struct EdgeWeights {
-  int4 of[net::kEdgeWords];
-};
-
-// What a neighbour stored, 8 times, and the edge's features on top of the point's own sum.
-__device__ __forceinline__ void edge_activations(const int (&own)[4], uint2 stored, int4 edge,
-                                                 const EdgeWeights& weights, int (&out)[4]) {
-  constexpr int kLow = 1 << net::kStoredShift, kHigh = kLow << 8;  // as bytes, of which dp2a takes the lower two
-  out[0] = __dp2a_lo(static_cast<int>(stored.x), kLow, own[0]);
-  out[1] = __dp2a_lo(static_cast<int>(stored.x), kHigh, own[1]);
-  out[2] = __dp2a_lo(static_cast<int>(stored.y), kLow, own[2]);
-  out[3] = __dp2a_lo(static_cast<int>(stored.y), kHigh, own[3]);
-  add_word(out, edge.x, weights.of[0]);
-  add_word(out, edge.y, weights.of[1]);
-  add_word(out, edge.z, weights.of[2]);
-#pragma unroll
-  for (int c = 0; c < 4; ++c) out[c] = activation(out[c]);
-}
-
-// A thread's edges are those of one lane's point: every third of them, by its warp.
+// A thread's edges are those of one lane's point: every fourth of them, by its warp.
 template <class Visit>
 __device__ __forceinline__ void for_edges(const Visit& visit) {
 #pragma unroll 1
-  for (int e = static_cast<int>(threadIdx.x) / kWarp; e < net::kNeighbors; e += kTile / kWarp) visit(e);
+  for (int e = static_cast<int>(threadIdx.x) / kWarp; e < net::kNeighbors; e += kWarps) visit(e);
 }
 
 __device__ __forceinline__ void find_features(const NetCloud& cloud, int scale, const Index* list,
-                                              const net::Place& here, Index at, int4 (&edges)[net::kNeighbors][kWarp]) {
+                                              const net::Place& here, Index at, int4 (&edges)[kWarp][kEdgeRow]) {
   const Vec side = cloud.side[at];
   const float size = cloud.size[scale][at];
+  const auto listed = [&](int e) { return NetCloud::listed(list, at, e & (net::kNeighbors - 1)); };
+  Index ahead = listed(static_cast<int>(threadIdx.x) / kWarp);
   for_edges([&](int e) {
-    const Index its = NetCloud::listed(list, at, e);
+    const Index its = ahead;
+    ahead = listed(e + kWarps);
     const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
     int words[net::kEdgeWords];
     net::edge_words(here, side, size, there, net::edge_to(here, there), words);
-    edges[e][lane_number()] = {words[0], words[1], words[2], static_cast<int>(its)};
+    edges[lane_number()][e] = {words[0], words[1], words[2], static_cast<int>(its)};
   });
 }
 
-// Of one point of each group: the products of its edges with the gates.
-__device__ __forceinline__ void find_gates(const signed char* weights, const Tile& tile, int p, Gated& memory) {
-  const int gate = tile.word % net::kGates, first = tile.word / net::kGates * 4;
-  const int4* const its = words_of(weights) + gate * kQuads;
+// The edges of one point as a matrix: its rows are channels, its columns the 16 edges, two matrices of 16 x 8 for each
+// 16 channels. A lane has the channels 16 m + 2 (lane / 4) and the next of the edges 2 (lane % 4) and the next, and of
+// those 8 on.
+template <bool kGated, bool kClamps>
+class Edges {
+ public:
+  __device__ __forceinline__ explicit Edges(const net::Layer& layer) {
+    const int* const other = reinterpret_cast<const int*>(layer.other);
+    const int* const edge = reinterpret_cast<const int*>(layer.edge);
 #pragma unroll
-  for (int e = first; e < first + 4; ++e) {
-    const int4* const hidden = reinterpret_cast<const int4*>(memory.hidden + tile.group * kHiddenRow + e * kWords);
-    int sum = 0;
+    for (int m = 0; m < kTiles; ++m)
 #pragma unroll
-    for (int quad = 0; quad < kQuads; ++quad) {
-      const int4 a = hidden[quad], b = its[quad];
-      sum = __dp4a(a.w, b.w, __dp4a(a.z, b.z, __dp4a(a.y, b.y, __dp4a(a.x, b.x, sum))));
-    }
-    memory.gates[(e * net::kGates + gate) * kGateRow + tile.lane_of(p)] = static_cast<float>(sum);
+      for (int high = 0; high < 2; ++high) {
+        const int channel = 16 * m + 2 * row_ + high;
+#pragma unroll
+        for (int k = 0; k < kTiles; ++k) other_[m][k][high] = other[(4 * k + part_) * net::kChannels + channel];
+        edge_[m][high] = part_ < net::kEdgeWords ? edge[part_ * net::kChannels + channel] : 0;
+      }
+    if constexpr (kGated)
+#pragma unroll
+      for (int m = 0; m < kTiles; ++m)
+        gate_[m] = row_ < net::kGates ? reinterpret_cast<const int*>(layer.gate)[row_ * kWords + 4 * m + part_] : 0;
   }
-}
+
+  __device__ __forceinline__ void visit(const unsigned* states, int p, LayerMemory<kGated>& memory) const {
+    unsigned features[2], inputs[2][kTiles];
+#pragma unroll
+    for (int n = 0; n < 2; ++n) {
+      const unsigned* const edge = reinterpret_cast<const unsigned*>(&memory.edges[p][8 * n + row_]);
+      const unsigned* const its = states + std::size_t(edge[net::kEdgeWords]) * kWords + part_;
+#pragma unroll
+      for (int k = 0; k < kTiles; ++k) inputs[n][k] = its[4 * k];
+      features[n] = edge[part_];  // beside the last are weights of 0
+    }
+    int gates[2][4] = {}, sums[kTiles][4];
+    unsigned most[kTiles];
+#pragma unroll
+    for (int m = 0; m < kTiles; ++m) {
+      const int2 own = *reinterpret_cast<const int2*>(memory.own[p] + 16 * m + 2 * row_);
+      const int from_low = before(own.x), from_high = before(own.y);
+      const int from[4] = {from_low, from_low, from_high, from_high};
+      unsigned held[2][2];
+#pragma unroll
+      for (int n = 0; n < 2; ++n) {
+        int values[4];
+        multiply_two(values, other_[m][0], other_[m][1], inputs[n][0], inputs[n][1], from);
+        multiply(values, other_[m][2][0], other_[m][2][1], inputs[n][2]);
+#pragma unroll
+        for (int i = 0; i < 4; ++i) values[i] = after(values[i], i < 2 ? own.x : own.y);
+        multiply(values, edge_[m][0], edge_[m][1], features[n]);
+        held[n][0] = held_halves(values[0], values[1]);
+        held[n][1] = held_halves(values[2], values[3]);
+      }
+      // of each of the two channels, over the four edges
+      const unsigned most_low = __vmaxu2(held[0][0], held[1][0]), most_high = __vmaxu2(held[0][1], held[1][1]);
+      most[m] = __vmaxu2(__byte_perm(most_low, most_high, 0x5410), __byte_perm(most_low, most_high, 0x7632));
+      const unsigned low = activation_bytes(held[0][0], held[1][0]), high = activation_bytes(held[0][1], held[1][1]);
+      multiply(sums[m], low, high, 0x01010101u, {0, 0, 0, 0});
+      if constexpr (kGated) {
+        multiply(gates[0], gate_[m], 0, transposed(__byte_perm(low, high, 0x5140)));
+        multiply(gates[1], gate_[m], 0, transposed(__byte_perm(low, high, 0x7362)));
+      }
+    }
+    keep(sums, most, memory.means[p], memory.largest[p]);
+    if constexpr (kGated) {
+      if (row_ < net::kGates) {
+#pragma unroll
+        for (int n = 0; n < 2; ++n)
+#pragma unroll
+          for (int i = 0; i < 2; ++i)
+            memory.gates.of[((8 * n + 2 * part_ + i) * net::kGates + row_) * kGateRow + p] =
+                static_cast<float>(gates[n][i]);
+      }
+    }
+  }
+
+ private:
+  static constexpr int kTiles = net::kChannels / 16;
+
+  // What of a neighbour's sum counts: 16 bits, in steps of 2^kStoredShift, rounded. The whole steps of the point's own
+  // sum are there before it where nothing needs to be clamped, so that one instruction rounds and adds.
+  static constexpr int kStep = 1 << net::kStoredShift;
+  __device__ __forceinline__ static int before(int own) { return kClamps ? kStep / 2 : (own & -kStep) | kStep / 2; }
+  __device__ __forceinline__ static int after(int sum, int own) {
+    if constexpr (kClamps) return clamped(sum & -kStep, -32768 * kStep, 32767 * kStep) + own;
+    int chosen;  // sum but for the bits of kStep - 1, which are those of own
+    asm("lop3.b32 %0, %1, %2, %3, 0xb8;" : "=r"(chosen) : "r"(sum), "r"(kStep - 1), "r"(own));
+    return chosen;
+  }
+  // Of the four lanes that have the same channels three keep two each.
+  __device__ __forceinline__ void keep(const int (&sums)[kTiles][4], unsigned (&most)[kTiles], unsigned* means,
+                                       unsigned* largest) const {
+#pragma unroll
+    for (int m = 0; m < kTiles; ++m)
+#pragma unroll
+      for (int step = 1; step < 4; step *= 2) most[m] = __vmaxu2(most[m], __shfl_xor_sync(kAllLanes, most[m], step));
+    if (part_ == kTiles) return;
+    const auto mine = [&](auto first, auto second, auto third) {
+      return part_ == 0 ? first : part_ == 1 ? second : third;
+    };
+    const auto mean = [&](int which) {
+      const int sum = mine(sums[0][which], sums[1][which], sums[2][which]);
+      return static_cast<unsigned>(sum + net::kNeighbors / 2) / net::kNeighbors;
+    };
+    reinterpret_cast<unsigned short*>(means)[8 * part_ + row_] = static_cast<unsigned short>(mean(0) | mean(2) << 8);
+    reinterpret_cast<unsigned short*>(largest)[8 * part_ + row_] =
+        static_cast<unsigned short>(activation_bytes(mine(most[0], most[1], most[2]), 0));
+  }
+
+  int row_ = static_cast<int>(lane_number()) / 4, part_ = static_cast<int>(lane_number()) % 4;
+  unsigned other_[kTiles][kTiles][2], edge_[kTiles][2];
+  unsigned gate_[kTiles];
+};
 
 // What the gates weigh, added up in the order of the edges: a warp an axis, a lane a point.
-__device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, const Index* list, const net::Place& here,
-                                          Index at, Gated& memory) {
+__device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, const net::Place& here, Index at,
+                                          LayerMemory<true>& memory) {
   const unsigned lane = lane_number();
   const float per_size = 1.0f / cloud.size[scale][at];
   for_edges([&](int e) {
-    const net::Neighbor<float> there = cloud.neighbor(NetCloud::listed(list, at, e), cloud.normal);
+    const Index its = static_cast<Index>(memory.edges[lane][e].w);
+    const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
     const net::Edge<float> edge = net::edge_to(here, there);
     const net::Pulls<float> pulls = net::pulls_of(here, there, edge);
-    const float* const gates = memory.gates + e * net::kGates * kGateRow + lane;
+    const float* const gates = memory.gates.of + e * net::kGates * kGateRow + lane;
     const float pull = gates[0] * pulls.classical + gates[kGateRow] * pulls.measured;
     const float along = gates[2 * kGateRow] * per_size;
     const Vec term = pull * edge.normal + along * edge.offset;
@@ -263,78 +349,48 @@ __device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, cons
   });
   __syncthreads();
   const unsigned axis = threadIdx.x / kWarp;
+  if (axis == 3) return;
   float sum = 0;
   for (int e = 0; e < net::kNeighbors; ++e) sum = sum + memory.terms[axis][e][lane];
   float& step = (&cloud.step[at].x)[axis];
   step = step + (net::kSumStep / net::kNeighbors) * sum;
 }
 
-template <bool kGated>
+template <bool kGated, bool kClamps>
 __global__ void __launch_bounds__(kTile, 6)
     layer_of_leaves(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Layer layer, int scale,
                     const Index* list) {
   __shared__ LayerMemory<kGated> memory;
-  const Tile tile;
-  const Index at = tile.first + lane_number();
+  const Index first = blockIdx.x * kWarp, at = first + lane_number();
   const net::Place here = cloud.place(at, cloud.normal);
   find_features(cloud, scale, list, here, at, memory.edges);
 
-  const auto state = [&](int p) { return cloud.state + std::size_t(tile.first + p) * kWords; };
-  WarpSums own(layer.own_bias, kRounding);
-  own.add_products<kWords>(layer.own, state);
-  own.for_pairs([&](int p, int channel, int a, int b) { *reinterpret_cast<int2*>(memory.own[p] + channel) = {a, b}; });
-  EdgeWeights weights;
-#pragma unroll
-  for (int w = 0; w < net::kEdgeWords; ++w) weights.of[w] = words_of(layer.edge)[w * kWords + tile.word];
+  const auto state = [&](int p) { return cloud.state + std::size_t(first + p) * kWords; };
+  {
+    WarpSums own(layer.own_bias);
+    own.add_products<kWords>(layer.own, state);
+    own.for_pairs([&](int p, int channel, int a, int b) {
+      *reinterpret_cast<int2*>(memory.own[p] + channel) = {a, b};
+    });
+  }
   __syncthreads();
 
-#pragma unroll
-  for (int p = 0; p < kPointsOfThread; ++p) {
-    const int4 all = *reinterpret_cast<const int4*>(memory.own[tile.lane_of(p)] + 4 * tile.word);
-    const int sums[4] = {all.x, all.y, all.z, all.w};
-    int sum[4] = {}, most[4] = {};
-#pragma unroll 8
-    for (int e = 0; e < net::kNeighbors; ++e) {
-      const int4 edge = memory.edges[e][tile.lane_of(p)];
-      const uint2 stored = cloud.stored[std::size_t(static_cast<Index>(edge.w)) * kWords + tile.word];
-      int hidden[4];
-      edge_activations(sums, stored, edge, weights, hidden);
-#pragma unroll
-      for (int c = 0; c < 4; ++c) {
-        sum[c] += hidden[c];
-        most[c] = max(most[c], hidden[c]);
-      }
-      if constexpr (kGated)
-        memory.gated.hidden[tile.group * kHiddenRow + e * kWords + tile.word] =
-            packed(hidden[0], hidden[1], hidden[2], hidden[3]);
-    }
-    constexpr int kHalf = net::kNeighbors / 2;
-    memory.means[tile.lane_of(p)][tile.word] =
-        packed((sum[0] + kHalf) / net::kNeighbors, (sum[1] + kHalf) / net::kNeighbors,
-               (sum[2] + kHalf) / net::kNeighbors, (sum[3] + kHalf) / net::kNeighbors);
-    memory.largest[tile.lane_of(p)][tile.word] = packed(most[0], most[1], most[2], most[3]);
-    if constexpr (kGated) {
-      __syncthreads();
-      find_gates(layer.gate, tile, p, memory.gated);
-      __syncthreads();
-    }
+  {
+    const Edges<kGated, kClamps> edges(layer);
+#pragma unroll 1
+    for (int p = static_cast<int>(threadIdx.x) / kWarp; p < kWarp; p += kWarps) edges.visit(cloud.state, p, memory);
   }
-  if constexpr (kGated) {
-    add_gated(cloud, scale, list, here, at, memory.gated);
-  } else {
-    __syncthreads();
-  }
+  __syncthreads();
+  if constexpr (kGated) add_gated(cloud, scale, here, at, memory);
 
-  WarpSums update(layer.update_bias, kRounding);
+  WarpSums update(layer.update_bias);
   constexpr int kPart = kWords * 4 * net::kChannels;  // bytes of weights
   update.add_products<kWords>(layer.update, state);
   update.add_products<kWords>(layer.update + kPart, [&](int p) { return memory.means[p]; });
   update.add_products<kWords>(layer.update + 2 * kPart, [&](int p) { return memory.largest[p]; });
-  __syncthreads();                                                                // all have read the states
-  unsigned short* const states = reinterpret_cast<unsigned short*>(cloud.state);  // pairs of channels
+  unsigned short* const next = reinterpret_cast<unsigned short*>(cloud.next);  // pairs of channels
   update.for_pairs([&](int p, int channel, int a, int b) {
-    states[(std::size_t(tile.first + p) * net::kChannels + channel) / 2] =
-        static_cast<unsigned short>(activation_pair(a, b));
+    next[(std::size_t(first + p) * net::kChannels + channel) / 2] = static_cast<unsigned short>(activation_pair(a, b));
   });
 }
 
@@ -375,12 +431,11 @@ void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weig
   launch(context, "beginning the net", begin_points, blocks_for(cloud.places, kBlock), kBlock, cloud, weights);
 }
 
-void store_for_neighbors(Context& context, const NetCloud& cloud, const net::Layer& layer) {
-  launch(context, "running the net", store_states, cloud.places / kWarp, kTile, cloud, layer.other);
-}
-
-void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list) {
-  const auto kernel = layer.gate != nullptr ? layer_of_leaves<true> : layer_of_leaves<false>;
+void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list,
+               bool clamps) {
+  const bool gated = layer.gate != nullptr;
+  const auto kernel = clamps ? (gated ? layer_of_leaves<true, true> : layer_of_leaves<false, true>)
+                             : (gated ? layer_of_leaves<true, false> : layer_of_leaves<false, false>);
   launch(context, "running the net", kernel, cloud.places / kWarp, kTile, cloud, layer, scale, list);
 }
 

@@ -21,8 +21,8 @@ struct NetCloud {
   Vec* step;  // from where the default run put the point, in noises
   float* size[net::kScales];
   net::Scale* scale[net::kScales];  // until the first state is made
-  unsigned* state;                  // kChannelWords of each
-  uint2* stored;                    // the same, 16 bits a channel
+  const unsigned* state;            // kChannelWords of each
+  unsigned* next;                   // the same, of the next layer
 
   __device__ __forceinline__ net::Place place(std::size_t at, const float4* normals) const {
     const float4 a = classical[at], b = normals[at];

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <cstddef>
+#include <cstdlib>
 
 #include "cuda/net/layers.cuh"
 #include "cuda/net/refiner.cuh"
@@ -50,6 +51,18 @@ __global__ void __launch_bounds__(kBlock) gather_places(const __grid_constant__ 
   }
 }
 
+// Whether a sum over what a neighbour has may need more than the 16 bits that count of it.
+bool may_clamp(const net::Layer& layer) {
+  constexpr int kLargest = 127, kRoom = 32767 << net::kStoredShift;
+  for (int channel = 0; channel < net::kChannels; ++channel) {
+    int weights = 0;
+    for (int input = 0; input < net::kChannels; ++input)
+      weights += std::abs(layer.other[(input / 4 * net::kChannels + channel) * 4 + input % 4]);
+    if (weights * kLargest >= kRoom) return true;
+  }
+  return false;
+}
+
 }  // namespace
 
 Refiner::Refiner(Context& context)
@@ -67,7 +80,7 @@ Refiner::Refiner(Context& context)
       size_(context),
       scale_(context),
       state_(context),
-      stored_(context) {}
+      next_(context) {}
 
 void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
   if (cloud.count == 0) return;
@@ -87,13 +100,13 @@ void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* ou
   if (counts_[0] <= Index{net::kNeighbors}) return;
   const net::Weights its = upload(weights);
   begin(its, stop);
-  const NetCloud cloud = view();
   for (int layer = 0; layer < net::kLayers; ++layer) {
-    store_for_neighbors(context_, cloud, its.layers[layer]);
-    run_layer(context_, cloud, its.layers[layer], net::kPlan[layer], list_of(net::kPlan[layer]));
+    const int scale = net::kPlan[layer];
+    run_layer(context_, view(), its.layers[layer], scale, list_of(scale), may_clamp(weights.view().layers[layer]));
+    state_.swap(next_);
     pace(stop);
   }
-  end_net(context_, cloud, its, index_.tree(), held, out);
+  end_net(context_, view(), its, index_.tree(), held, out);
 }
 
 void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
@@ -109,11 +122,12 @@ void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
     pace(stop);
   }
   normal_.resize(places);
-  state_.resize(places * net::kChannelWords);
+  next_.resize(places * net::kChannelWords);
   begin_net(context_, view(), weights);
   scale_.release();
   given_normal_.release();
-  stored_.resize(places * net::kChannelWords);
+  state_.swap(next_);
+  next_.resize(places * net::kChannelWords);
 }
 
 void Refiner::slide_apart() {
@@ -174,7 +188,7 @@ NetCloud Refiner::view() const {
   its.side = side_.data();
   its.step = step_.data();
   its.state = state_.data();
-  its.stored = stored_.data();
+  its.next = next_.data();
   for (int s = 0; s < net::kScales; ++s) {
     its.size[s] = size_.data() + s * places;
     its.scale[s] = scale_.data() + s * places;

@@ -64,8 +64,7 @@ class Refiner {
   DeviceArray<Vec> side_, step_;
   DeviceArray<float> size_;
   DeviceArray<net::Scale> scale_;
-  DeviceArray<unsigned> state_;
-  DeviceArray<uint2> stored_;
+  DeviceArray<unsigned> state_, next_;
 };
 
 }  // namespace pointfair::cuda
