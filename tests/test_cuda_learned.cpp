@@ -1,5 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The net of method learned on a card, against the integer reference in Python and against the CPU, bit for bit.
+#include <cmath>
+#include <cstring>
+
 #include "cuda_backend_test.h"
 #include "learned_clouds.h"
 #include "pipeline/pipeline_access.hpp"
@@ -23,6 +26,12 @@ class CudaLearned : public CudaBackendTest {
   }
 };
 
+Points in_steps(Points points, float step) {
+  for (Point& p : points)
+    p = {std::round(p.x / step) * step, std::round(p.y / step) * step, std::round(p.z / step) * step};
+  return points;
+}
+
 TEST_F(CudaLearned, gives_the_bits_of_the_integer_reference) {
   Refinement* const card = cuda_->refinement();
   ASSERT_NE(card, nullptr);
@@ -43,10 +52,37 @@ TEST_F(CudaLearned, equals_the_cpu) {
   for (const Points& whole :
        {shapes::with_noise(shapes::waves(12000), 0.004), shapes::with_noise(shapes::uneven(9000, 1000), 0.0005),
         shapes::flat_grid(60), shapes::with_noise(shapes::cube(150000), 0.01), hard, shapes::sphere(20),
-        shapes::identical(40), Points{}}) {
+        shapes::identical(40), in_steps(shapes::with_noise(shapes::waves(20000), 0.004), 0.015625f),
+        noisy_sphere(1200000, 31, 0.002), Points{}}) {
     const Points points = cut(whole);
     EXPECT_EQ(learned_clouds::differing(run(Device::cuda, points), run(Device::cpu, points)), 0u) << points.size();
   }
+}
+
+// Of what neighbours add, each weight as large as can be: their sums need more than 16 bits.
+std::vector<std::byte> loud_weights() {
+  std::vector<std::byte> file = learned_clouds::bytes_of(learned_clouds::kWeightsFile);
+  namespace net = point::net;
+  constexpr std::size_t kC = net::kChannels, kHeader = 28, kBias = 4 * kC, kSquare = kC * kC;
+  std::size_t at = kHeader + kC * net::kPointFeatures + kBias;
+  for (int layer = 0; layer < net::kLayers; ++layer) {
+    at += kSquare + kBias;
+    for (std::size_t i = at; i < at + kSquare; ++i)
+      file[i] = std::byte(static_cast<signed char>(file[i]) < 0 ? -127 : 127);
+    at += kSquare + kC * net::kEdgeFeatures + 3 * kSquare + kBias + (layer >= net::kFirstGated ? kC * net::kGates : 0);
+  }
+  std::uint64_t fingerprint = 0xcbf29ce484222325u;
+  for (std::size_t i = kHeader; i < file.size(); ++i)
+    fingerprint = (fingerprint ^ static_cast<std::uint64_t>(file[i])) * 0x100000001b3u;
+  std::memcpy(file.data() + 16, &fingerprint, sizeof(fingerprint));
+  return file;
+}
+
+TEST_F(CudaLearned, equals_the_cpu_where_sums_are_clamped) {
+  const Points points = cut(shapes::with_noise(shapes::waves(12000), 0.01));
+  Pipeline cuda(Device::cuda), cpu(Device::cpu);
+  for (Pipeline* its : {&cuda, &cpu}) its->set_weights(loud_weights(), "loud");
+  EXPECT_EQ(learned_clouds::differing(run(cuda, points, {}), run(cpu, points, {})), 0u);
 }
 
 TEST_F(CudaLearned, equals_the_cpu_with_other_parameters) {

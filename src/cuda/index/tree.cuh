@@ -49,7 +49,7 @@ __device__ inline bool is_present(float4 p) { return p.x < __int_as_float(0x7f80
 // Consecutive leaves, `end` behind the last.
 struct LeafRange {
   Index begin, end;
-  Index count() const { return end - begin; }
+  constexpr Index count() const { return end - begin; }
 };
 
 struct Tree {

@@ -13,25 +13,22 @@ using ScaleCounts = std::array<Index, point::net::kScales>;
 // How many points each scale has, those without a place left out. Waits for the card.
 ScaleCounts count_scales(Context& context, const Tree& cloud);
 
-// Memory: 33 bytes for each of its points, 4 for each of the cloud.
+// Memory: 25 bytes for each of its points, 16 more while they are chosen, 4 for each of the cloud.
 class CoarsePoints {
  public:
-  explicit CoarsePoints(Context& context)
-      : context_(context), index_(context), points_(context), members_(context), place_(context), own_(context) {}
+  explicit CoarsePoints(Context& context) : context_(context), index_(context), place_(context), own_(context) {}
 
   // Of that scale of a cloud whose index has hashes.
   void choose(const Tree& cloud, int scale, Index count, const Frame& frame);
-  // For every point of the cloud the kNeighbors nearest others among them, as places in the cloud, to lists as those of
-  // lists.cuh. There must be more than kNeighbors.
-  void find_nearest(const Tree& cloud, Index* lists) const;
+  // For every point of some leaves of the cloud the kNeighbors nearest others among them, as places in the cloud, to
+  // lists as those of lists.cuh. There must be more than kNeighbors.
+  void find_nearest(const Tree& cloud, LeafRange leaves, Index* lists) const;
 
  private:
   Context& context_;
   DeviceIndex index_;
-  DeviceArray<Point> points_;
-  DeviceArray<Index> members_;  // as chosen: the place in the cloud, behind the last the number of them
-  DeviceArray<Index> place_;    // of each sorted one in the cloud
-  DeviceArray<Index> own_;      // of each place of the cloud among the sorted ones, kNoNeighbor of others
+  DeviceArray<Index> place_;  // of each sorted one in the cloud
+  DeviceArray<Index> own_;    // of each place of the cloud among the sorted ones, kNoNeighbor of others
 };
 
 }  // namespace pointfair::cuda

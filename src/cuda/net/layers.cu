@@ -110,14 +110,14 @@ class WarpSums {
 
 // A point a thread, as the next.
 __global__ void __launch_bounds__(kBlock)
-    measure_points(const __grid_constant__ NetCloud cloud, int scale, const Index* list) {
-  const Index at = blockIdx.x * kBlock + threadIdx.x;
-  if (at >= cloud.places) return;
-  const net::Place here = cloud.place(at, cloud.given_normal);
+    measure_points(const __grid_constant__ NetCloud cloud, LeafRange part, int scale, const Index* list) {
+  const Index in_part = blockIdx.x * kBlock + threadIdx.x, at = part.begin * kLeafSize + in_part;
+  if (in_part >= part.count() * kLeafSize) return;
+  const net::Place here = cloud.place(at);
   net::ScaleSums sums;
 #pragma unroll 4
   for (int e = 0; e < net::kNeighbors; ++e) {
-    const net::Edge<float> edge = net::edge_to(here, cloud.neighbor(NetCloud::listed(list, at, e), cloud.given_normal));
+    const net::Edge<float> edge = net::edge_to(here, cloud.neighbor(NetCloud::listed(list, at, e)));
     sums.offset = sums.offset + edge.offset;
     sums.square = sums.square + edge.square;
     sums.height = sums.height + edge.height;
@@ -125,18 +125,18 @@ __global__ void __launch_bounds__(kBlock)
     sums.sine = sums.sine + edge.sine;
   }
   const net::Scale measured = net::scale_of(sums);
-  cloud.scale[scale][at] = measured;
+  cloud.scale[scale][scale == 0 ? at : in_part] = measured;
   cloud.size[scale][at] = measured.size;
 }
 
 __global__ void __launch_bounds__(kBlock)
-    begin_points(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Weights weights) {
-  const Index at = blockIdx.x * kBlock + threadIdx.x;
-  if (at >= cloud.places) return;
-  net::Place here = cloud.place(at, cloud.given_normal);
+    begin_points(const __grid_constant__ NetCloud cloud, LeafRange part, const __grid_constant__ net::Weights weights) {
+  const Index in_part = blockIdx.x * kBlock + threadIdx.x, at = part.begin * kLeafSize + in_part;
+  if (in_part >= part.count() * kLeafSize) return;
+  net::Place here = cloud.place(at);
   net::Scale scales[net::kScales];
 #pragma unroll
-  for (int s = 0; s < net::kScales; ++s) scales[s] = cloud.scale[s][at];
+  for (int s = 0; s < net::kScales; ++s) scales[s] = cloud.scale[s][s == 0 ? at : in_part];
   const net::Sides sides = net::sides_of(here.normal, scales[1].offset);
   const bool is_turned = point::dot(scales[1].offset, here.normal) < 0;
 #pragma unroll
@@ -208,7 +208,7 @@ __device__ __forceinline__ void find_features(const NetCloud& cloud, int scale, 
   for_edges([&](int e) {
     const Index its = ahead;
     ahead = listed(e + kWarps);
-    const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
+    const net::Neighbor<float> there = cloud.neighbor(its);
     int words[net::kEdgeWords];
     net::edge_words(here, side, size, there, net::edge_to(here, there), words);
     edges[lane_number()][e] = {words[0], words[1], words[2], static_cast<int>(its)};
@@ -336,7 +336,7 @@ __device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, cons
   const float per_size = 1.0f / cloud.size[scale][at];
   for_edges([&](int e) {
     const Index its = static_cast<Index>(memory.edges[lane][e].w);
-    const net::Neighbor<float> there = cloud.neighbor(its, cloud.normal);
+    const net::Neighbor<float> there = cloud.neighbor(its);
     const net::Edge<float> edge = net::edge_to(here, there);
     const net::Pulls<float> pulls = net::pulls_of(here, there, edge);
     const float* const gates = memory.gates.of + e * net::kGates * kGateRow + lane;
@@ -358,11 +358,11 @@ __device__ __forceinline__ void add_gated(const NetCloud& cloud, int scale, cons
 
 template <bool kGated, bool kClamps>
 __global__ void __launch_bounds__(kTile, 6)
-    layer_of_leaves(const __grid_constant__ NetCloud cloud, const __grid_constant__ net::Layer layer, int scale,
-                    const Index* list) {
+    layer_of_leaves(const __grid_constant__ NetCloud cloud, LeafRange part, const __grid_constant__ net::Layer layer,
+                    int scale, const Index* list) {
   __shared__ LayerMemory<kGated> memory;
-  const Index first = blockIdx.x * kWarp, at = first + lane_number();
-  const net::Place here = cloud.place(at, cloud.normal);
+  const Index first = (part.begin + blockIdx.x) * kLeafSize, at = first + lane_number();
+  const net::Place here = cloud.place(at);
   find_features(cloud, scale, list, here, at, memory.edges);
 
   const auto state = [&](int p) { return cloud.state + std::size_t(first + p) * kWords; };
@@ -411,7 +411,7 @@ __global__ void __launch_bounds__(kBlock)
   if (at >= cloud.places) return;
   const float4 p = tree.points[at];
   if (!is_present(p)) return;
-  const net::Place here = cloud.place(at, cloud.normal);
+  const net::Place here = cloud.place(at);
   const Index original = original_of(p);
   if (!net::can_move(here) || held[original] != 0) return;
   const int4* const state = reinterpret_cast<const int4*>(cloud.state + std::size_t(at) * kWords);
@@ -423,20 +423,22 @@ __global__ void __launch_bounds__(kBlock)
 
 }  // namespace
 
-void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list) {
-  launch(context, "beginning the net", measure_points, blocks_for(cloud.places, kBlock), kBlock, cloud, scale, list);
+void measure_scale(Context& context, const NetCloud& cloud, LeafRange part, int scale, const Index* list) {
+  launch(context, "beginning the net", measure_points, blocks_for(part.count() * kLeafSize, kBlock), kBlock, cloud,
+         part, scale, list);
 }
 
-void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights) {
-  launch(context, "beginning the net", begin_points, blocks_for(cloud.places, kBlock), kBlock, cloud, weights);
+void begin_net(Context& context, const NetCloud& cloud, LeafRange part, const net::Weights& weights) {
+  launch(context, "beginning the net", begin_points, blocks_for(part.count() * kLeafSize, kBlock), kBlock, cloud, part,
+         weights);
 }
 
-void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list,
-               bool clamps) {
+void run_layer(Context& context, const NetCloud& cloud, LeafRange part, const net::Layer& layer, int scale,
+               const Index* list, bool clamps) {
   const bool gated = layer.gate != nullptr;
   const auto kernel = clamps ? (gated ? layer_of_leaves<true, true> : layer_of_leaves<false, true>)
                              : (gated ? layer_of_leaves<true, false> : layer_of_leaves<false, false>);
-  launch(context, "running the net", kernel, cloud.places / kWarp, kTile, cloud, layer, scale, list);
+  launch(context, "running the net", kernel, part.count(), kTile, cloud, part, layer, scale, list);
 }
 
 void end_net(Context& context, const NetCloud& cloud, const net::Weights& weights, const Tree& tree,

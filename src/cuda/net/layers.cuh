@@ -12,14 +12,17 @@
 
 namespace pointfair::cuda {
 
-// What the points read of a scale.
-void measure_scale(Context& context, const NetCloud& cloud, int scale, const Index* list);
+// Of the points of some leaves; `list`: as those of lists.cuh, valid for these leaves.
+
+// What they read of a scale.
+void measure_scale(Context& context, const NetCloud& cloud, LeafRange part, int scale, const Index* list);
 // Normals on the side of the neighbours, sides, and the first state, from all scales.
-void begin_net(Context& context, const NetCloud& cloud, const net::Weights& weights);
+void begin_net(Context& context, const NetCloud& cloud, LeafRange part, const net::Weights& weights);
 // The next states, and their share of the step where gates weigh one; `scale` is that of the layer. `clamps`: whether
 // what neighbours add may need more than its 16 bits.
-void run_layer(Context& context, const NetCloud& cloud, const net::Layer& layer, int scale, const Index* list,
-               bool clamps);
+void run_layer(Context& context, const NetCloud& cloud, LeafRange part, const net::Layer& layer, int scale,
+               const Index* list, bool clamps);
+
 // The refined positions of points that move, to their places in upload order. `held`: 1 keeps its place.
 void end_net(Context& context, const NetCloud& cloud, const net::Weights& weights, const Tree& tree,
              const std::uint8_t* held, Point* out);

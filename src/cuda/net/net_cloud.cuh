@@ -13,24 +13,23 @@ namespace net = point::net;
 // nothing, and no list names them.
 struct NetCloud {
   Index places;
-  float4* classical;           // and the noise; from slide_apart() on where the point slid
-  const float4* given_normal;  // and x of the measured position
-  float4* normal;              // the same, the normal on the side of the neighbours
-  const float2* measured;      // y and z
+  float4* classical;       // and the noise; from slide_apart() on where the point slid
+  float4* normal;          // and x of the measured position; from the first state on on the side of the neighbours
+  const float2* measured;  // y and z
   Vec* side;
   Vec* step;  // from where the default run put the point, in noises
   float* size[net::kScales];
-  net::Scale* scale[net::kScales];  // until the first state is made
+  net::Scale* scale[net::kScales];  // until the first state is made; all but the finest of a part of the cloud
   const unsigned* state;            // kChannelWords of each
   unsigned* next;                   // the same, of the next layer
 
-  __device__ __forceinline__ net::Place place(std::size_t at, const float4* normals) const {
-    const float4 a = classical[at], b = normals[at];
+  __device__ __forceinline__ net::Place place(std::size_t at) const {
+    const float4 a = classical[at], b = normal[at];
     const float2 c = measured[at];
     return {{a.x, a.y, a.z}, {b.x, b.y, b.z}, {b.w, c.x, c.y}, a.w};
   }
-  __device__ __forceinline__ net::Neighbor<float> neighbor(Index at, const float4* normals) const {
-    const net::Place p = place(at, normals);
+  __device__ __forceinline__ net::Neighbor<float> neighbor(Index at) const {
+    const net::Place p = place(at);
     return {p.classical, p.normal, p.measured, p.noise};
   }
   // The neighbour of a number; of places without a point, themselves. Lists are as those of lists.cuh.

@@ -14,6 +14,9 @@ namespace {
 
 constexpr int kBlock = 256;
 constexpr std::size_t kLargeCloud = 3'000'000;  // points; of fewer no step is long
+// Lists are found for so many leaves at a time, 32 MiB, and of large clouds for an eighth of all: between kernels the
+// card waits for its last queries.
+constexpr Index kLeastPart = 1 << 14, kMostParts = 8;
 
 // A thread for each place, which the stages may have brought several points to. They lie side by side in the order of
 // the input, and count as the one that was measured first in the order of positions.
@@ -68,17 +71,18 @@ bool may_clamp(const net::Layer& layer) {
 Refiner::Refiner(Context& context)
     : context_(context),
       index_(context),
-      lists_{HeldList(context), HeldList(context), HeldList(context)},
+      coarse_{CoarsePoints(context), CoarsePoints(context), CoarsePoints(context)},
+      lists_{HeldList(context), HeldList(context), HeldList(context), HeldList(context)},
       weights_(context),
       biases_(context),
       classical_(context),
-      given_normal_(context),
       normal_(context),
       measured_(context),
       side_(context),
       step_(context),
       size_(context),
-      scale_(context),
+      finest_(context),
+      coarser_(context),
       state_(context),
       next_(context) {}
 
@@ -86,12 +90,13 @@ void Refiner::take(const RefinedCloud& cloud, const Frame& frame) {
   if (cloud.count == 0) return;
   frame_ = frame;
   index_.build(cloud.classical, cloud.count, frame);
+  part_ = std::min(std::max(all().count() / kMostParts + 1, kLeastPart), all().count());
   const std::size_t places = index_.leaves() * kLeafSize;
   classical_.resize(places);
-  given_normal_.resize(places);
+  normal_.resize(places);
   measured_.resize(places);
   launch(context_, "beginning the net", gather_places, blocks_for(places, kBlock), kBlock, index_.tree(), cloud,
-         classical_.data(), given_normal_.data(), measured_.data());
+         classical_.data(), normal_.data(), measured_.data());
 }
 
 void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* out, const std::stop_token& stop) {
@@ -101,8 +106,11 @@ void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* ou
   const net::Weights its = upload(weights);
   begin(its, stop);
   for (int layer = 0; layer < net::kLayers; ++layer) {
+    const bool clamps = may_clamp(weights.view().layers[layer]);
     const int scale = net::kPlan[layer];
-    run_layer(context_, view(), its.layers[layer], scale, list_of(scale), may_clamp(weights.view().layers[layer]));
+    for_parts(part_, [&](LeafRange part) {
+      run_layer(context_, view(), part, its.layers[layer], scale, list_of(scale, part), clamps);
+    });
     state_.swap(next_);
     pace(stop);
   }
@@ -111,28 +119,37 @@ void Refiner::run(const NetWeights& weights, const std::uint8_t* held, Point* ou
 
 void Refiner::begin(const net::Weights& weights, const std::stop_token& stop) {
   const std::size_t places = index_.leaves() * kLeafSize;
+  const bool is_one_part = part_ == all().count();
   side_.resize(places);
   step_.resize(places);
   slide_apart();
   size_.resize(net::kScales * places);
-  scale_.resize(net::kScales * places);
-  for (const int s :
-       {3, 2, 0, 1}) {  // so that the lists of the first layers are there, and that of 0 is not found again
-    measure_scale(context_, view(), s, list_of(s));
-    pace(stop);
+  finest_.resize(places);
+  measure_scale(context_, view(), all(), 0, list_of(0, all()));
+  pace(stop);
+  if (!is_one_part) {
+    lists_[0].list.release();
+    lists_[0].scale = -1;
   }
-  normal_.resize(places);
+  for (int scale = 1; scale < net::kScales && counts_[scale] > Index{net::kNeighbors}; ++scale)
+    coarse_[scale - 1].choose(index_.tree(), scale, counts_[scale], frame_);
   next_.resize(places * net::kChannelWords);
-  begin_net(context_, view(), weights);
-  scale_.release();
-  given_normal_.release();
+  coarser_.resize((net::kScales - 1) * std::size_t(is_one_part ? part_ : part_ / 2) * kLeafSize);
+  for_parts(is_one_part ? part_ : part_ / 2, [&](LeafRange part) {  // scales lie beside the lists
+    for (int scale = 1; scale < net::kScales; ++scale)
+      measure_scale(context_, view(), part, scale, list_of(scale, part));
+    begin_net(context_, view(), part, weights);
+    pace(stop);
+  });
+  finest_.release();
+  coarser_.release();
   state_.swap(next_);
   next_.resize(places * net::kChannelWords);
 }
 
 void Refiner::slide_apart() {
   const NetCloud cloud = view();
-  const Index* const list = list_of(0);
+  const Index* const list = list_of(0, all());
   begin_slides(context_, cloud);
   static_assert(net::kSlides % 2 == 0);
   for (int round = 0; round < net::kSlides; round += 2) {
@@ -142,39 +159,39 @@ void Refiner::slide_apart() {
   end_slides(context_, cloud);
 }
 
-const Index* Refiner::list_of(int scale) {
+template <class Visit>
+void Refiner::for_parts(Index leaves, const Visit& visit) const {
+  for (Index begin = 0; begin < all().end; begin += leaves)
+    visit(LeafRange{begin, std::min(begin + leaves, all().end)});
+}
+
+const Index* Refiner::list_of(int scale, LeafRange part) {
   while (counts_[scale] <= Index{net::kNeighbors}) --scale;  // too few points: as the finer scale
-  HeldList* oldest = lists_;
-  for (HeldList& one : lists_) {
-    if (one.used < oldest->used) oldest = &one;
-    if (one.scale != scale) continue;
-    one.used = ++lists_used_;
-    return one.list.data();
+  HeldList& its = lists_[part.count() == all().count() ? scale : 0];
+  if (its.scale == scale && its.leaves.begin == part.begin && its.leaves.end == part.end) return its.data();
+  its.scale = scale;
+  its.leaves = part;
+  its.list.resize(std::size_t(part.count()) * kLeafSize * net::kNeighbors);
+  if (scale == 0) {
+    find_nearest(part, its.data());
+  } else {
+    coarse_[scale - 1].find_nearest(index_.tree(), part, its.data());
   }
-  oldest->list.resize(index_.leaves() * kLeafSize * net::kNeighbors);
-  find_list(scale, oldest->list.data());
-  oldest->scale = scale;
-  oldest->used = ++lists_used_;
-  return oldest->list.data();
+  return its.data();
 }
 
-void Refiner::find_list(int scale, Index* list) {
-  if (scale == 0) return find_nearest(list);
-  CoarsePoints coarse(context_);
-  coarse.choose(index_.tree(), scale, counts_[scale], frame_);
-  coarse.find_nearest(index_.tree(), list);
-}
-
-void Refiner::find_nearest(Index* list) {
+void Refiner::find_nearest(LeafRange part, Index* list) {
   DeviceArray<HardLeaf> leaves(context_);
   DeviceArray<Index> queries(context_);
-  leaves.resize(index_.leaves());
-  queries.resize(index_.leaves() * kLeafSize);
+  leaves.resize(part.count());
+  queries.resize(std::size_t(part.count()) * kLeafSize);
   constexpr std::size_t kFirst = offsetof(CloudState, leaf_retries), kEnd = offsetof(CloudState, too_few_neighbors);
   check(cudaMemsetAsync(reinterpret_cast<std::byte*>(index_.state()) + kFirst, 0, kEnd - kFirst, context_.stream()),
         "clearing counts");
-  cuda::find_nearest(context_, index_.tree(), index_.state(), {net::kNeighbors, __builtin_inff()}, list,
-                     {leaves.data(), queries.data()}, {});
+  const NearestQuery query{net::kNeighbors, __builtin_inff()};
+  const Retries retries{leaves.data(), queries.data()};
+  find_nearest_of(context_, index_.tree(), index_.state(), part, query, list, retries);
+  find_nearest_of_left(context_, index_.tree(), part, query, list, retries);
 }
 
 NetCloud Refiner::view() const {
@@ -182,7 +199,6 @@ NetCloud Refiner::view() const {
   NetCloud its{};
   its.places = static_cast<Index>(places);
   its.classical = classical_.data();
-  its.given_normal = given_normal_.data();
   its.normal = normal_.data();
   its.measured = measured_.data();
   its.side = side_.data();
@@ -191,7 +207,8 @@ NetCloud Refiner::view() const {
   its.next = next_.data();
   for (int s = 0; s < net::kScales; ++s) {
     its.size[s] = size_.data() + s * places;
-    its.scale[s] = scale_.data() + s * places;
+    its.scale[s] =
+        s == 0 ? finest_.data() : coarser_.data() + std::size_t(s - 1) * (coarser_.size() / (net::kScales - 1));
   }
   return its;
 }

@@ -9,14 +9,14 @@ constexpr int kBlock = 128;
 // A point a thread, as the next two.
 __global__ void __launch_bounds__(kBlock) start_points(const __grid_constant__ NetCloud cloud) {
   const Index at = blockIdx.x * kBlock + threadIdx.x;
-  if (at < cloud.places) cloud.step[at] = cloud.place(at, cloud.given_normal).classical;
+  if (at < cloud.places) cloud.step[at] = cloud.place(at).classical;
 }
 
 __global__ void __launch_bounds__(kBlock)
     slide_points(const __grid_constant__ NetCloud cloud, const Index* list, const Vec* from, Vec* to) {
   const Index at = blockIdx.x * kBlock + threadIdx.x;
   if (at >= cloud.places) return;
-  const net::Place start = cloud.place(at, cloud.given_normal);
+  const net::Place start = cloud.place(at);
   const Vec here = from[at];
   if (!net::can_move(start)) {
     to[at] = here;
@@ -39,7 +39,7 @@ __global__ void __launch_bounds__(kBlock)
 __global__ void __launch_bounds__(kBlock) place_slid_points(const __grid_constant__ NetCloud cloud) {
   const Index at = blockIdx.x * kBlock + threadIdx.x;
   if (at >= cloud.places) return;
-  const net::Place start = cloud.place(at, cloud.given_normal);
+  const net::Place start = cloud.place(at);
   const Vec slid = cloud.step[at];
   cloud.step[at] = net::can_move(start) ? net::in_noises(start, slid - start.classical) : Vec{};
   cloud.classical[at] = {slid.x, slid.y, slid.z, start.noise};

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The k <= 64 nearest other points of all points of a leaf at once: one warp, a query a lane. The warp walks the tree
-// for the union of what its lanes need, gathers the candidates in shared memory, and every lane looks at each.
+// The k <= 64 nearest other points of all points of a leaf at once, of the same tree or, with kElsewhere, of another:
+// one warp, a query a lane. The warp walks the tree for the union of what its lanes need, gathers the candidates in
+// shared memory, and every lane looks at each.
 //
 // Keys. A candidate is one 32-bit number: 22 bits of squared distance in units of (leaf diagonal / 2047)^2, 10 bits of
 // slot in the table of candidates. With coordinates relative to the middle of the leaf's box, |c - q|^2 = |c|^2 - 2 q.c
@@ -58,7 +59,7 @@ struct GroupMemory {
   Index position[GroupShape<kList, kWide>::kMostSlots];
 };
 
-template <int kList, bool kWide>
+template <int kList, bool kWide, bool kElsewhere = false>
 class GroupSearch {
  public:
   static constexpr int kBatch = GroupShape<kList, kWide>::kBatch;
@@ -68,14 +69,25 @@ class GroupSearch {
   static constexpr float kFar = 1e18f;                          // fills places of `square`; beyond every limit
 
   __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList, kWide>& memory, Index leaf)
+      : GroupSearch(tree, memory, leaf, tree.points[leaf * kLeafSize + lane_number()],
+                    leaf * kLeafSize + lane_number()) {}
+  // Of a query each lane, which stands at `at` in the tree, kNoNeighbor if it is not there; `leaf`: one near them.
+  __device__ __forceinline__ GroupSearch(const Tree& tree, GroupMemory<kList, kWide>& memory, Index leaf, float4 query,
+                                         Index at)
       : tree_(tree),
         memory_(memory),
         leaf_(leaf),
-        at_(leaf * kLeafSize + lane_number()),
-        position_(position_of(tree.points[at_])),
-        active_(is_present(tree.points[at_])),
+        at_(at),
+        position_(position_of(query)),
+        active_(is_present(query)),
         boxes_(position_, active_) {
-    const Box all = boxes_.all();
+    Box all = boxes_.all();
+    if constexpr (kElsewhere) {
+      const float4 p = tree.points[leaf * kLeafSize + lane_number()];
+      const Box near = warp_box(position_of(p), is_present(p));  // so wide that most neighbours are within a diagonal
+      all = {{fminf(all.min.x, near.min.x), fminf(all.min.y, near.min.y), fminf(all.min.z, near.min.z)},
+             {fmaxf(all.max.x, near.max.x), fmaxf(all.max.y, near.max.y), fmaxf(all.max.z, near.max.z)}};
+    }
     low_ = all.min;
     half_ = 0.5f * (all.max - all.min);
     squared_diagonal_ = QueryBoxes::squared_diagonal(all);
@@ -177,8 +189,10 @@ class GroupSearch {
     limit_ = active_ ? no_distance_ + floorf(fminf(limit_units, kLargestDistance)) : kNotSearching;
     update_reach();
     query_ = {-2.0f * scaled.x, -2.0f * scaled.y, -2.0f * scaled.z};
-    put(lane_number(), scaled, 1 + lane_number(), at_);
+    const Index of_leaf = leaf_ * kLeafSize + lane_number();
+    put(lane_number(), kElsewhere ? scaled_of(position_of(tree_.points[of_leaf])) : scaled, 1 + lane_number(), of_leaf);
     slots_ = 1 + kWarp;  // slot 0 stays free, so that every key is above 0
+    own_slot_ = !kElsewhere ? 1 + lane_number() : at_ / kLeafSize == leaf_ ? 1 + at_ % kLeafSize : 0;
     __syncwarp();
   }
 
@@ -217,7 +231,7 @@ class GroupSearch {
         for (int j = 0; j < 4; ++j) {
           const float4 candidate = memory_.close[start + i + j];
           const float distance = distance_to(candidate, squares[j]);
-          batch[i + j] = distance <= limit_ && start + i + j != lane_number() ? key_of(distance, candidate) : ~0u;
+          batch[i + j] = distance <= limit_ && 1 + start + i + j != own_slot_ ? key_of(distance, candidate) : ~0u;
         }
       }
       merge_batch(list_, batch, rejected_);
@@ -268,6 +282,9 @@ class GroupSearch {
     const unsigned count = static_cast<unsigned>(__popc(all_near));
     if (slots_ + count > GroupShape<kList, kWide>::kMostSlots - 1)
       return false;  // the last slot would look like an empty place
+    if constexpr (kElsewhere)
+      if (at_ / kLeafSize == leaf)
+        own_slot_ = slots_ + static_cast<unsigned>(__popc(all_near & ((1u << at_ % kLeafSize) - 1)));
     if (near) {
       const unsigned rank = static_cast<unsigned>(__popc(all_near & lanes_below()));
       put(close_ + rank, scaled_of(p), slots_ + rank, leaf * kLeafSize + lane_number());
@@ -308,6 +325,8 @@ class GroupSearch {
   __device__ __forceinline__ void stack_if_close(float4 candidate, float square) {
     const float distance = distance_to(candidate, square);
     if (!(distance <= limit_)) return;  // a lane without a point gets NaN
+    if constexpr (kElsewhere)
+      if (__float_as_uint(candidate.w) == own_slot_) return;
     store_word(top_, key_of(distance, candidate));
     top_ += kEntry;
   }
@@ -370,7 +389,8 @@ class GroupSearch {
   unsigned list_[kList];         // sorted keys
   unsigned rejected_ = ~0u;      // the least key that was looked at and is not in the list
   unsigned close_ = 0, slots_ = 0;
-  unsigned stack_, top_;  // addresses of this lane's stack and of its first free place
+  unsigned own_slot_ = 0;  // none is its own neighbour
+  unsigned stack_, top_;   // addresses of this lane's stack and of its first free place
 };
 
 }  // namespace pointfair::cuda
