@@ -75,6 +75,13 @@ struct Reach {
   bool is_thinned;  // in any lane
 };
 
+// What was loaded of one point, in shared memory.
+template <class Loaded>
+struct alignas(sizeof(float4)) Slot {
+  static_assert(sizeof(Loaded) <= sizeof(float4));
+  Loaded value;
+};
+
 // The box of a warp's points and the largest of their squared radii.
 struct WarpReach {
   __device__ __forceinline__ WarpReach(Vec here, bool active, float squared_radius)
@@ -161,12 +168,8 @@ class WalkedRadius {
   template <class Load, class Visit>
   __device__ __forceinline__ void operator()(Load load, Visit visit) const {
     using Loaded = decltype(load(Index{}));
-    static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
-    struct alignas(sizeof(float4)) Slot {
-      Loaded value;
-    };
-    Slot* const loaded = reinterpret_cast<Slot*>(shared_.loaded);
+    auto* const loaded = reinterpret_cast<Slot<Loaded>*>(shared_.loaded);
     ReachedLeaves leaves(tree_, stop_, at_, here_, reach_.squared_radius, warp_);
     for (Index leaf = leaves.next(); leaf != point::kNoNeighbor; leaf = leaves.next()) {
       // each lane asks whether its point of the leaf is near the warp's, before all lanes look at it
@@ -252,13 +255,9 @@ class CollectedParts {
   template <class Load, class Visit>
   __device__ __forceinline__ void operator()(Load load, Visit visit) const {
     using Loaded = decltype(load(Index{}));
-    static_assert(sizeof(Loaded) <= sizeof(float4));
     constexpr bool kLoads = !std::is_empty_v<Loaded>;
-    struct alignas(sizeof(float4)) Slot {
-      Loaded value;
-    };
     float4* const place = shared_.place[group_of_lane()];
-    Slot* const loaded = reinterpret_cast<Slot*>(shared_.loaded[group_of_lane()]);
+    auto* const loaded = reinterpret_cast<Slot<Loaded>*>(shared_.loaded[group_of_lane()]);
     const Index any_valid = at_ - lane_number();  // of a part's empty places, which add nothing
     unsigned read = 0;
     for (Index part = collected_.first[at_ / kGroup]; __any_sync(kAllLanes, part != point::kNoNeighbor);) {
@@ -282,7 +281,7 @@ class CollectedParts {
 #pragma unroll 1
       for (int row = 0; row < rows; ++row) {
         const float4* const places = place + row * kGroup;
-        const Slot* const values = loaded + row * kGroup;
+        const Slot<Loaded>* const values = loaded + row * kGroup;
         const unsigned bits = inside >> (row * kGroup);
 #pragma unroll
         for (int i = 0; i < kGroup; ++i) {
