@@ -112,6 +112,14 @@ TEST(FilesText, CoordinatesBecomeDoublesOnlyIfAFloatWouldLoseADigit) {
   EXPECT_EQ(parse("123.4567891 2.5 3\n0 0 0\n", "a.xyz").source->coordinate_type(), ScalarType::float64);
 }
 
+TEST(FilesText, NumbersWithExponentsKeepTheirDigits) {
+  const Cloud cloud = parse("x y z time short double\n1 2 3 4.123456781234560013e+08 1.234e+05 1.5D-3\n", "a.txt");
+  EXPECT_EQ(values<double>(cloud, "time")[0], 412345678.123456);
+  EXPECT_EQ(attributes(cloud)[1].type, ScalarType::float32);
+  EXPECT_EQ(attributes(cloud)[2].type, ScalarType::float32);
+  EXPECT_EQ(parse("1.53e+00 1.700000000000000178e+00 0\n", "a.txt").source->coordinate_type(), ScalarType::float64);
+}
+
 TEST(FilesText, ColumnsOfAnOffFileHaveTheirNames) {
   const Cloud cloud = parse("CNOFF\n1 0 0\n0 0 0 0 0 1 255 128 0 255 # a remark\n", "a.off");
   EXPECT_EQ(names(cloud), (Names{"nx", "ny", "nz", "red", "green", "blue", "alpha"}));

@@ -14,6 +14,18 @@
 
 namespace pointfair::io {
 
+/// The power of ten of a number's last digit: -2 for 1.25, 1 for 1.2e2.
+static int last_place_of(std::string_view word) {
+  const std::size_t mark = std::min(word.find_first_of("eEdD"), word.size());
+  const std::size_t point = word.substr(0, mark).find('.');
+  int exponent = 0;
+  if (mark < word.size()) {
+    const std::size_t first = mark + 1 + word.substr(mark + 1).starts_with('+');
+    std::from_chars(word.data() + first, word.data() + word.size(), exponent);
+  }
+  return std::clamp(exponent, -400, 400) - static_cast<int>(point < mark ? mark - point - 1 : 0);
+}
+
 /// What the numbers of a column have in common, and so the narrowest type that holds them without losing a digit.
 struct Narrowest {
   bool numbers = true, integers = true, fits_float = true;
@@ -49,10 +61,9 @@ struct Narrowest {
       has_wide = true;
       see_digits(word);
     }
-    // A float suffices if, printed with as many decimals, it gives the same word.
+    // A float suffices if, printed with as many digits, it gives the same word.
     const double error = std::abs(static_cast<double>(static_cast<float>(*value)) - *value);
-    fits_float = fits_float && (error == 0 || (decimals >= 0 && error < 0.5 * portable::power_of_ten(-decimals)) ||
-                                (decimals < 0 && error <= 5e-8 * std::abs(*value)));
+    fits_float = fits_float && (error == 0 || error < 0.5 * portable::power_of_ten(last_place_of(word)));
   }
   void merge(const Narrowest& other) {
     numbers = numbers && other.numbers;
