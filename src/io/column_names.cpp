@@ -43,24 +43,31 @@ std::string ply_name(const std::string& name) {
 }
 
 NewNames new_names(const std::vector<std::string>& columns, std::vector<std::string> taken,
-                   const std::function<std::string(const std::string& column)>& own) {
+                   const std::function<std::string(const std::string& column)>& own,
+                   const std::function<std::string(const std::string& column)>& valid) {
   std::vector<std::size_t> order(columns.size());
   std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_partition(order, [&](std::size_t column) { return !own(columns[column]).empty(); });
-  const auto wanted = [&](std::size_t column) {
+  std::ranges::stable_sort(order, {}, [&](std::size_t column) {
+    return !own(columns[column]).empty() ? 0 : valid(columns[column]) == columns[column] ? 1 : 2;
+  });
+  const auto wanted = [&](std::size_t column, const std::string& without_own) {
     const std::string its = own(columns[column]);
-    return its.empty() ? columns[column] : its;
+    return its.empty() ? without_own : its;
   };
   std::vector<std::string>& all = taken;
   const std::size_t first = all.size();
-  for (const std::size_t column : order) all.push_back(wanted(column));
+  for (const std::size_t column : order) all.push_back(wanted(column, valid(columns[column])));
   make_distinct(all);
   NewNames result{std::vector<std::string>(columns.size()), {}};
   for (std::size_t i = 0; i < order.size(); ++i) {
     result.names[order[i]] = all[first + i];
-    if (all[first + i] != wanted(order[i])) result.renamed.push_back(columns[order[i]]);
+    if (all[first + i] != wanted(order[i], columns[order[i]])) result.renamed.push_back(columns[order[i]]);
   }
   return result;
+}
+
+NewNames word_names(const std::vector<std::string>& columns) {
+  return new_names(columns, {"x", "y", "z"}, [](const std::string&) { return std::string(); });
 }
 
 }  // namespace io

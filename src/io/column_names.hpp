@@ -26,9 +26,14 @@ struct NewNames {
   std::vector<std::string> renamed;  ///< columns that get neither their own name nor that of the format
 };
 
-/// `own` gives the name that the format has for a column, or an empty one. Such columns come before others that are
-/// called so, and `taken`, what else the file holds, before all of them.
+/// `own` gives the name that the format has for a column, or an empty one; `valid` makes a name one that the format can
+/// have. Columns with a name of the format come first where several are called so, then those whose name is valid;
+/// `taken`, what else the file holds, comes before all of them.
 NewNames new_names(const std::vector<std::string>& columns, std::vector<std::string> taken,
-                   const std::function<std::string(const std::string& column)>& own);
+                   const std::function<std::string(const std::string& column)>& own,
+                   const std::function<std::string(const std::string& column)>& valid = one_word);
+
+/// The names in files that name their columns by single words and have none of their own beside x, y and z: PLY, text.
+NewNames word_names(const std::vector<std::string>& columns);
 
 }  // namespace pointfair::io

@@ -56,7 +56,7 @@ std::string sentence_on_kept(ContentKind kind, const std::string& what, const st
   if (kind == ContentKind::names)
     return attributes_told(what) + (is_one(what) ? " gets another name" : " get other names") + " in " + format +
            " files, where " + (is_one(what) ? "its own is" : "their own are") +
-           " too long or taken; PLY and CSV keep names";
+           " too long, taken or no valid name; NPY keeps names";
   return "the texture coordinates " + what + " of points are not written to " + format +
          " files, which have them at corners of faces; PLY, PCD and CSV keep them";
 }
@@ -138,6 +138,8 @@ void tell_cut(const std::vector<Attribute>& added, std::vector<Content>& lost) {
 void tell_renamed(const Cloud& cloud, Format format, std::vector<Content>& lost) {
   const bool is_of_las = io::is_of(cloud, Format::las);
   std::vector<std::string> names;
+  if (format == Format::ply || format == Format::csv || format == Format::txt)
+    names = io::word_names(io::ply_names(cloud)).renamed;
   if (format == Format::pcd) names = io::renamed_in_new_pcd(cloud);
   if (format == Format::e57) names = io::renamed_in_new_e57(cloud);
   if (io::family(format) == Format::las || (format == Format::copc && !is_of_las))

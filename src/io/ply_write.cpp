@@ -47,6 +47,7 @@ std::string new_header(const Table& table, Encoding encoding) {
 
 void write_ply(Table table, const Writing& writing, Output& out) {
   use_ply_names(table);
+  use_words_as_names(table);
   out.write(new_header(table, writing.encoding));
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {
     PlyEmitter emitter(buffer, writing.encoding);

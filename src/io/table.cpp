@@ -141,6 +141,11 @@ void use_ply_names(Table& table, ColorDepth depth) {
   use_color_depth(table, depth);
 }
 
+void use_words_as_names(Table& table) {
+  std::vector<std::string> names = word_names(names_of(table)).names;
+  for (std::size_t c = 0; c < names.size(); ++c) table.columns[c].name = std::move(names[c]);
+}
+
 std::vector<std::string> ply_names(const Cloud& cloud) {
   Table without_rows;
   for (const AttributeInfo& info : attributes(cloud))

@@ -62,7 +62,10 @@ enum class ColorDepth : std::uint8_t { bytes, sixteen_bits, any };
 /// several components become one each.
 void use_ply_names(Table& table, ColorDepth depth = ColorDepth::bytes);
 
-/// What that calls the columns of make_table(); and those of a table.
+/// Gives the columns names of one word, no two of them the same.
+void use_words_as_names(Table& table);
+
+/// What use_ply_names() calls the columns of make_table(); and those of a table.
 std::vector<std::string> ply_names(const Cloud& cloud);
 std::vector<std::string> names_of(const Table& table);
 

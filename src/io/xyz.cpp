@@ -133,12 +133,13 @@ std::shared_ptr<Source> read_xyz(FileBytes bytes, const std::string& name, const
 void write_xyz(Table table, const Writing& writing, Output& out) {
   const Format format = writing.format;
   use_ply_names(table, format == Format::csv || format == Format::txt ? ColorDepth::any : ColorDepth::bytes);
+  use_words_as_names(table);
   const char separator = format == Format::csv ? ',' : ' ';
   if (format == Format::pts) order_as_pts(table);
   if (format == Format::pts) out.write(std::to_string(table.size()) + "\n");
   if (format == Format::csv || (format == Format::txt && !table.columns.empty())) {
     std::string names = std::string("x") + separator + "y" + separator + "z";
-    for (const TableColumn& column : table.columns) names += separator + one_word(column.name);
+    for (const TableColumn& column : table.columns) names += separator + column.name;
     out.write(names + "\n");
   }
   write_rows(out, table.size(), [&](std::size_t i, std::string& buffer) {

@@ -7,7 +7,7 @@ from program import Case
 POINTS = [(x % 10, x // 10, x * 37 % 11 / 100) for x in range(100)]
 ROWS = "".join(f"{x} {y} {z}\n" for x, y, z in POINTS)
 VERTICES = "".join(f"v {x} {y} {z}\n" for x, y, z in POINTS)
-OWN_NAMES = ", where their own are too long or taken; PLY and CSV keep names"
+OWN_NAMES = ", where their own are too long, taken or no valid name; NPY keeps names"
 LOSSES = ("no place for", "do not keep", "another name", "other names", "without its name", "without their names")
 
 
@@ -116,6 +116,17 @@ class Names(Conversion):
         names, row = self.columns(las)
         own = {"classification": "0", "classification_2": "3.5", "Classification": "6", "nir": "0", "nir_2": "0.5"}
         self.assertEqual({name: row[names.index(name)] for name in own}, own)
+
+    def test_names_that_are_no_words_are_told_and_differ(self):
+        header = 'x,y,z,"a,b","a;b",my attr,my_attr\n'
+        cloud = self.put("a.csv", header + "".join(row.replace(" ", ",") + ",1,2,3,4\n" for row in ROWS.splitlines()))
+        for name in ("b.ply", "b.pcd", "b.txt", "b.e57"):
+            new, lost = self.convert(cloud, name)
+            kind = name[2:].upper()
+            self.assertEqual(lost, [f"note: the attributes a,b, a;b, my attr get other names in {kind} files" + OWN_NAMES])
+            names, row = self.columns(new)
+            own = {"a_b": "1", "a_b_2": "2", "my_attr_2": "3", "my_attr": "4"}
+            self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
     def test_whole_numbers_of_64_bits_are_times(self):
         for time, is_time in ((250000000, True), (2 ** 60 + 1, False)):

@@ -92,9 +92,9 @@ std::string plain_name(const std::string& name) {
 }
 
 // As readers call the fields, which leave the prefix of the extension out.
-NewNames e57_names(std::vector<std::string> columns) {
-  std::ranges::transform(columns, columns.begin(), plain_name);
-  return new_names(columns, {"cartesianX", "cartesianY", "cartesianZ", "cartesianInvalidState"}, standard_name);
+NewNames e57_names(const std::vector<std::string>& columns) {
+  return new_names(columns, {"cartesianX", "cartesianY", "cartesianZ", "cartesianInvalidState"}, standard_name,
+                   plain_name);
 }
 
 // Integers have the range of their type, those of 64 bits that of their values.
