@@ -305,6 +305,28 @@ TEST(PlainFloats, ZerosWhereNothingIsNearAreNoPoints) {
   }
 }
 
+// As numpy.save writes them: version 1 is Latin-1.
+TEST(Npy, NamesBeforeVersion3AreLatin1AndFieldsThatAreNotReadAreTold) {
+  std::string header =
+      "{'descr': [('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('h\xF6he', '<f4'), ('half', '<f2'), ('label', '<U1')], "
+      "'fortran_order': False, 'shape': (1,), }";
+  header += std::string(117 - header.size() % 64 + 64, ' ') + "\n";
+  std::string bytes("\x93NUMPY\1\0", 8);
+  bytes += static_cast<char>(header.size() & 255);
+  bytes += static_cast<char>(header.size() >> 8);
+  const Cloud cloud = parse(bytes + header + packed<float>({1, 2, 3, 4}) +
+                                std::string("\0\x3C"
+                                            "a\0\0\0",
+                                            6),
+                            "a.npy");
+  EXPECT_EQ(values<float>(cloud, "h\xC3\xB6he"), std::vector<float>{4});
+  EXPECT_EQ(
+      losses(cloud, Format::ply),
+      (std::vector<std::string>{"PLY files have no place for the field 'half' of a type that is not read, the field "
+                                "'label' of a type that is not read"}));
+  EXPECT_TRUE(losses(cloud, Format::npy).empty());
+}
+
 TEST(PlainFloats, ASurfaceThroughTheOriginKeepsItsPointsThere) {
   std::vector<float> values;
   for (int copy = 0; copy < 3; ++copy)

@@ -200,6 +200,20 @@ bool is_utf8(std::string_view text) {
   return is_beyond;
 }
 
+std::string from_latin1(std::string_view text) {
+  std::string result;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (byte < 0x80) {
+      result += c;
+    } else {
+      result += static_cast<char>(0xC0 | byte >> 6);
+      result += static_cast<char>(0x80 | (byte & 0x3F));
+    }
+  }
+  return result;
+}
+
 // Padded so that the values begin at a multiple of 64 bytes. Headers of version 3 are UTF-8, those before it Latin-1.
 std::string framed(std::string text) {
   const bool has_letters = is_utf8(text);
@@ -231,7 +245,9 @@ Header parse_header(std::string_view bytes, const std::string& name) {
     begin = 12;
   }
   if (bytes.size() - begin < length) cut_off();
-  Header header = Literals(bytes.substr(begin, length), name).header();
+  std::string text(bytes.substr(begin, length));
+  if (version < 3) text = from_latin1(text);
+  Header header = Literals(text, name).header();
   header.end = begin + length;
   return header;
 }

@@ -22,10 +22,15 @@ class NpySource final : public SensorSource<RecordSource> {
       : SensorSource(axes_of(header) == 2 ? header.shape[1] : 0, std::move(bytes), std::move(name), Format::npy,
                      Encoding::binary, std::move(layout), points),
         is_columnar_(header.fortran_order && !header.is_structured),
-        shape_(header.shape.begin(), header.shape.begin() + static_cast<std::ptrdiff_t>(axes_of(header))) {}
+        shape_(header.shape.begin(), header.shape.begin() + static_cast<std::ptrdiff_t>(axes_of(header))) {
+    for (const Field& field : header.fields)
+      if (header.is_structured && !field.type && !field.name.empty())
+        unread_.push_back({ContentKind::text, "the field " + io::quoted(field.name) + " of a type that is not read"});
+  }
 
   std::vector<Content> contents() const override {
     std::vector<Content> result = RecordSource::contents();
+    result.insert(result.end(), unread_.begin(), unread_.end());
     std::string sizes;
     for (const std::uint64_t size : shape_) sizes += (sizes.empty() ? "" : " x ") + std::to_string(size);
     if (shape_.size() > 1) result.push_back({ContentKind::grid, "the grid of " + sizes + " points"});
@@ -48,6 +53,7 @@ class NpySource final : public SensorSource<RecordSource> {
  private:
   bool is_columnar_;
   std::vector<std::uint64_t> shape_;  // of the points
+  std::vector<Content> unread_;       // texts, halves, times, complex numbers
 };
 
 // An array of more columns and three or four rows has x in one row, not a point.
