@@ -34,6 +34,10 @@ class Losses(Case):
             self.assertEqual([note for note in notes if "no place for the attribute outlier;" in note], notes[:1], name)
             self.assertEqual(len(notes), 1, name)
 
+    def test_a_cloud_that_las_cannot_hold_is_named(self):
+        cloud = self.put("a.xyz", "nan 1 2\n" + ROWS)
+        self.fails(2, "run", cloud, self.path("b.las"), "--device", "cpu", says=["a.xyz: a LAS file holds finite coordinates only"])
+
     def test_strict_refuses_a_loss_before_the_run(self):
         mesh = self.put("a.obj", "".join("v " + row + "\n" for row in ROWS.splitlines()) + "f 1 2 12\n")
         self.fails(3, "run", mesh, self.path("b.pcd"), "--strict", "--device", "cpu", says=["b.pcd", "no place for 1 face", "--strict"])

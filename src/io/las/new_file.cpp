@@ -290,7 +290,12 @@ class NewFile {
 }  // namespace las
 
 void check_new_las(const Cloud& cloud, std::optional<double> scale) {
-  las::choose_scaling(las::range_of(written_positions(cloud)), scale);
+  try {
+    las::choose_scaling(las::range_of(written_positions(cloud)), scale);
+  } catch (const Error& error) {
+    if (!cloud.source) throw;
+    throw Error(error.kind(), cloud.source->name() + ": " + error.what());
+  }
 }
 
 std::vector<std::string> renamed_in_new_las(const Cloud& cloud) {
