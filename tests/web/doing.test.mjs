@@ -151,6 +151,36 @@ test("a result that comes when newer parameters have been asked for is known by 
   assert.match(await copied(page, "Copy as command", "command"), /--k=40\b/);
 });
 
+test("a run is on its way until it ends, whatever else fails meanwhile", models, async (t) => {
+  const folder = temporaryFolder(t);
+  const { url } = await view(t, [noisyArmadillo(folder, 3000, kModels), "--save-folder", folder, "--port", 0]);
+  let release; // the result of the second run
+  let asked = 0; // runs
+  const hold = (socket) => {
+    const server = socket.connectToServer();
+    socket.onMessage((text) => {
+      asked += JSON.parse(text).type === "run";
+      server.send(text);
+    });
+    server.onMessage((frame) => {
+      const head = headOf(frame);
+      if (head.type === "result" && head.id > 1) release = () => socket.send(frame);
+      else socket.send(frame);
+    });
+  };
+  const { page } = await openPage(t, await openBrowser(), url, {}, (before) => before.routeWebSocket(/session/, hold));
+  await settled(page);
+  await page.locator("#output").fill("no_such_folder/a.ply"); // which the command of the second run names
+  for (let wait = 0; !release && wait < 2400; ++wait) await page.waitForTimeout(50);
+  await page.locator("#save").click();
+  await page.locator(".toast.error").waitFor();
+  await page.getByRole("button", { name: "Copy as command" }).click();
+  await page.waitForTimeout(500);
+  assert.equal(asked, 2, "a run that is on its way is not asked for again");
+  release();
+  await page.locator(".toast", { hasText: "The command" }).waitFor();
+});
+
 test("a link brings the state to another page, which takes the cloud over; without a server the page says so", models, async (t) => {
   const { page, child, faults } = await show(t, [noisyArmadillo(temporaryFolder(t), 3000, kModels)]);
   await type(page, "k", "20");

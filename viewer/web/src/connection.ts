@@ -90,9 +90,10 @@ export class Connection {
   }
 
   private note({ head }: Message): void {
-    const ends = head.type === "result" || head.type === "error" || head.type === "cancelled";
+    // other requests fail beside a run, which goes on
+    const ends = head.type === "result" || head.type === "cancelled" || (head.type === "error" && head.id !== null && this.runs.has(head.id));
     if ((head.type === "preview" && !head.more) || ends) this.answered = true;
-    if (ends && (head.type !== "result" || head.id === this.lastRun)) this.lastDone = this.lastRun;
+    if (ends && head.id! >= this.lastRun) this.lastDone = this.lastRun;
     if (head.type === "result") for (const id of this.runs.keys()) if (id < head.id) this.runs.delete(id);
     if (head.type === "cloud") {
       this.answered = true;
