@@ -211,10 +211,15 @@ TEST(E57Files, BoundsThatPointsLeaveAreWidened) {
   EXPECT_EQ(position(again, 600), position(cloud, 600));
 }
 
-TEST(E57Files, AnIntegerStaysWithinItsRange) {
+TEST(E57Files, AnIntegerStaysWithinItsRangeAndThatIsTold) {
   Cloud cloud = parse_e57(make_e57({integers()}));
+  cloud.points[3].x += 0.1F;
+  EXPECT_TRUE(losses(cloud).empty());
   cloud.points[1].z = 1e6F;
   cloud.points[2].z = -1e6F;
+  ASSERT_EQ(losses(cloud).size(), 1U);
+  EXPECT_TRUE(losses(cloud)[0].starts_with("2 points moved beyond the range that the E57 file declares"));
+  EXPECT_TRUE(losses(cloud, Format::ply)[0].starts_with("PLY files have no place for"));
   const Cloud again = parse_e57(image(cloud, Format::e57));
   EXPECT_EQ(position(again, 1)[2], 1000);
   EXPECT_EQ(position(again, 2)[2], -1000);

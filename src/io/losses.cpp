@@ -204,6 +204,9 @@ std::vector<std::string> losses(const Cloud& cloud, std::optional<Format> format
   const bool is_own = io::is_of(cloud, to);
   if (is_own) result = cloud.source->losses(encoding.value_or(cloud.source->encoding()));
   const bool copied = io::is_copied(cloud, to, encoding);
+  if (copied)
+    for (std::string& sentence : cloud.source->losses_of_moves(io::make_edits(cloud, {})))
+      result.push_back(std::move(sentence));
   const std::vector<Content> lost = copied ? lost_of_copy(cloud, to) : lost_of_new(cloud, to);
   for (std::string& sentence : sentences(lost, to, is_own && !copied)) result.push_back(std::move(sentence));
   if (!keeps_order(cloud, to))

@@ -106,10 +106,18 @@ std::vector<std::string> PlacedSource::losses(Encoding to) const {
   return result;
 }
 
+// Where it was placed again, the last place counts.
+Edits PlacedSource::edits_of_file(Edits edits) const {
+  if (!edits.placed) edits.placed = this;
+  return edits;
+}
+
+std::vector<std::string> PlacedSource::losses_of_moves(const Edits& edits) const {
+  return file_ ? file_->losses_of_moves(edits_of_file(edits)) : std::vector<std::string>{};
+}
+
 void PlacedSource::write(const Edits& edits, Encoding encoding, Output& out) const {
-  Edits of_file = edits;
-  if (!of_file.placed) of_file.placed = this;  // else it was placed again
-  file_->write(of_file, encoding, out);
+  file_->write(edits_of_file(edits), encoding, out);
 }
 
 Moves PlacedSource::moves_of_file(std::uint64_t first, std::vector<Position> of_file, const Edits& edits) const {

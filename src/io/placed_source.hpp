@@ -39,6 +39,7 @@ class PlacedSource final : public Source {
   FileInfo info() const override { return file_ ? file_->info() : FileInfo{}; }
   bool has_geotiff_keys() const override { return file_ && file_->has_geotiff_keys(); }
   std::vector<std::string> losses(Encoding to) const override;
+  std::vector<std::string> losses_of_moves(const Edits& edits) const override;
   std::vector<Content> contents() const override { return file_ ? file_->contents() : std::vector<Content>{}; }
   std::vector<std::string> names_by_place() const override {
     return file_ ? file_->names_by_place() : std::vector<std::string>{};
@@ -51,6 +52,8 @@ class PlacedSource final : public Source {
   Moves moves_of_file(std::uint64_t first, std::vector<Position> of_file, const Edits& edits) const;
 
  private:
+  Edits edits_of_file(Edits edits) const;
+
   std::shared_ptr<const Source> file_;
   std::vector<Position> positions_;
   ScalarType type_;

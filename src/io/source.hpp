@@ -141,6 +141,9 @@ class Source {
   /// What of this file a copy in its own format and this encoding does not keep, a sentence each.
   virtual std::vector<std::string> losses(Encoding) const { return {}; }
 
+  /// The same of the moves in a copy. Cost: at most one walk along the points.
+  virtual std::vector<std::string> losses_of_moves(const io::Edits&) const { return {}; }
+
   /// Extensions of files that belong to this one, stand beside it, and stay true when its points move.
   virtual std::vector<std::string> companions() const { return {}; }
 

@@ -47,6 +47,7 @@ class E57Source : public Source {
   std::vector<Column> columns() const override { return columns_; }
   void extract_block(std::size_t index, std::size_t block, std::span<char> out) const override;
   void write(const Edits& edits, Encoding encoding, Output& out) const override;
+  std::vector<std::string> losses_of_moves(const Edits& edits) const override;
   std::vector<Content> contents() const override;
   std::optional<Position> sensor(std::size_t block) const override;
   FileInfo info() const override;

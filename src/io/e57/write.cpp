@@ -3,13 +3,16 @@
 // and the checksums of their pages renewed.
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <cmath>
 #include <mutex>
 #include <optional>
 #include <pugixml.hpp>
 #include <string_view>
+#include <utility>
 
 #include "io/box_of.hpp"
+#include "io/contents.hpp"
 #include "io/e57/pages.hpp"
 #include "io/e57/source.hpp"
 #include "io/file_bytes.hpp"
@@ -153,6 +156,7 @@ Position turned_back(const Pose& pose, const Position& shift) {
 struct Moved {
   std::vector<std::uint8_t> changed;
   std::vector<Position> cartesian, spherical;
+  std::uint64_t held = 0;  // points that moved beyond what the fields can hold
 };
 
 // Where pieces of a stream lie in a window of the file: from `from` on, up to `to`, in logical places.
@@ -165,15 +169,22 @@ struct Overlap {
 
 class E57Writer {
  public:
-  E57Writer(const E57Source& source, const Edits& edits, Output& out)
-      : source_(source), file_(source.bytes()), edits_(edits), out_(out) {
+  E57Writer(const E57Source& source, const Edits& edits) : source_(source), file_(source.bytes()), edits_(edits) {}
+
+  void write(Output& out) {
     replace_xml();
+    const std::size_t length = tail_.empty() ? file_.size() : tail_begin_ + tail_.size();
+    write_blocks(out, (length + kWindow - 1) / kWindow,
+                 [&](std::size_t window, std::string& buffer) { append_window(window * kWindow, buffer); });
   }
 
-  void write() {
-    const std::size_t length = tail_.empty() ? file_.size() : tail_begin_ + tail_.size();
-    write_blocks(out_, (length + kWindow - 1) / kWindow,
-                 [&](std::size_t window, std::string& buffer) { append_window(window * kWindow, buffer); });
+  std::uint64_t count_held() const {
+    std::atomic<std::uint64_t> held = 0;
+    for_each_block(source_.block_count(), [&](std::size_t b) {
+      const auto& [scan, first, count] = source_.blocks_[b];
+      held += find_moved(source_.scans_[scan], first, first + count).held;
+    });
+    return held;
   }
 
  private:
@@ -324,26 +335,25 @@ class E57Writer {
       for (std::size_t axis = 0; axis < 3; ++axis) shift[axis] = moves.values[i][axis] - own[i][axis];
       shift = turned_back(scan.pose, shift);
       for (std::size_t axis = 0; axis < 3; ++axis) moved.cartesian[i][axis] += shift[axis];
-      if (scan.spherical)
-        moved.spherical[i] = stored(scan, *scan.spherical, to_spherical(moved.cartesian[i], azimuths[i]));
-      if (scan.cartesian) moved.cartesian[i] = stored(scan, *scan.cartesian, moved.cartesian[i]);
+      bool is_held = false;
+      // the coordinates as the fields hold them
+      const auto store = [&](const std::array<std::size_t, 3>& fields, Position& position) {
+        for (std::size_t axis = 0; axis < 3; ++axis) {
+          const Field& field = scan.fields[fields[axis]];
+          const double wanted = std::exchange(position[axis], value_of(field, bits_of(field, position[axis])));
+          is_held |= field.kind == Field::Kind::integer && std::abs(position[axis] - wanted) > field.scale;
+        }
+      };
+      if (scan.spherical) store(*scan.spherical, moved.spherical[i] = to_spherical(moved.cartesian[i], azimuths[i]));
+      if (scan.cartesian) store(*scan.cartesian, moved.cartesian[i]);
+      moved.held += is_held;
     }
     return moved;
-  }
-
-  // The coordinates as the fields hold them.
-  static Position stored(const ScanPoints& scan, const std::array<std::size_t, 3>& fields, Position position) {
-    for (std::size_t axis = 0; axis < 3; ++axis) {
-      const Field& field = scan.fields[fields[axis]];
-      position[axis] = value_of(field, bits_of(field, position[axis]));
-    }
-    return position;
   }
 
   const E57Source& source_;
   std::string_view file_;
   const Edits& edits_;
-  Output& out_;
   std::size_t tail_begin_ = 0;
   std::string tail_;  // the pages from there on, where they are other than the file's
   std::uint64_t xml_length_ = 0;
@@ -353,7 +363,20 @@ void E57Source::write(const Edits& edits, Encoding, Output& out) const {
   if (!edits.added.empty())
     fail(name(), "an E57 file takes no further attributes, and '" + edits.added.front()->name +
                      "' was added; write PLY, PCD or LAZ");
-  E57Writer(*this, edits, out).write();
+  E57Writer(*this, edits).write(out);
+}
+
+std::vector<std::string> E57Source::losses_of_moves(const Edits& edits) const {
+  const auto has_range = [](const ScanPoints& scan) {
+    return std::ranges::any_of(scan.coordinates(),
+                               [&](std::size_t c) { return scan.fields[c].kind == Field::Kind::integer; });
+  };
+  if (edits.cloud.points.empty() || std::ranges::none_of(scans_, has_range)) return {};
+  const std::uint64_t held = E57Writer(*this, edits).count_held();
+  if (held == 0) return {};
+  return {counted(held, "point") +
+          " moved beyond the range that the E57 file declares for coordinates, and got the nearest place within; PLY "
+          "and LAZ files have no such range"};
 }
 
 }  // namespace pointfair::io::e57
