@@ -46,13 +46,21 @@ bool is_unit_color(const TableColumn& column) {
   return is_integer(column.type) && (name == "rf" || name == "gf" || name == "bf");
 }
 
-// The names of PLY, where no other column has them.
+// Whether the columns have all three channels of a colour, by any of their names.
+bool has_all_channels(const std::vector<TableColumn>& columns) {
+  return std::ranges::all_of(kChannels, [&](std::string_view channel) {
+    return std::ranges::any_of(columns, [&](const TableColumn& column) { return ply_name(column.name) == channel; });
+  });
+}
+
+// The names of PLY, where no other column has them. One letter, as b, is a colour beside the others only.
 void rename_columns(std::vector<TableColumn>& columns) {
+  const bool has_channels = has_all_channels(columns);
   std::vector<std::string> names;
   std::ranges::transform(columns, std::back_inserter(names), &TableColumn::name);
   for (std::string& name : names) {
     const std::string plain = ply_name(name);
-    if (std::ranges::find(names, plain) == names.end()) name = plain;
+    if ((has_channels || name.size() > 1) && std::ranges::find(names, plain) == names.end()) name = plain;
   }
   std::vector<std::string> all = {"x", "y", "z"};
   all.insert(all.end(), names.begin(), names.end());
@@ -119,10 +127,7 @@ Table make_table(const Cloud& cloud) {
 
 void use_ply_names(Table& table, ColorDepth depth) {
   // beside channels it is one more attribute
-  const bool has_channels = std::ranges::all_of(kChannels, [&](std::string_view channel) {
-    return std::ranges::any_of(table.columns,
-                               [&](const TableColumn& column) { return ply_name(column.name) == channel; });
-  });
+  const bool has_channels = has_all_channels(table.columns);
   std::vector<TableColumn> columns;
   for (TableColumn& column : table.columns) {
     const bool is_packed = column.name == "rgb" || column.name == "rgba";

@@ -128,6 +128,14 @@ class Names(Conversion):
             own = {"a_b": "1", "a_b_2": "2", "my_attr_2": "3", "my_attr": "4"}
             self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
+    def test_letters_are_colours_where_all_three_are_there(self):
+        for letters, kept in (("a,b,r", "a,b,r"), ("a,b,r,g", "alpha,blue,red,green")):
+            values = ",7" * len(letters.split(","))
+            cloud = self.put("a.csv", f"x,y,z,{letters}\n" + "".join(row.replace(" ", ",") + values + "\n" for row in ROWS.splitlines()))
+            for name in ("b.ply", "b.txt", "b.las"):
+                names, _ = self.columns(self.convert(cloud, name)[0])
+                self.assertLessEqual(set(kept.split(",")), set(names))
+
     def test_whole_numbers_of_64_bits_are_times(self):
         for time, is_time in ((250000000, True), (2 ** 60 + 1, False)):
             las, _ = self.convert(self.ply("a.ply", ["int64 GpsTime"], [time]), "b.las")
