@@ -15,7 +15,7 @@ namespace pointfair::test {
 /// offset.
 struct E57Field {
   std::string name;
-  std::string type;  ///< "single", "double", "integer" or "scaled"
+  std::string type;  ///< "single", "double", "integer", "scaled", or "string", of no sense
   std::vector<double> values;
   std::int64_t minimum = 0, maximum = 0;
   double scale = 1, offset = 0;
@@ -135,6 +135,8 @@ inline std::string e57_prototype(const E57Field& field) {
   std::string text = "<" + field.name;
   if (field.type == "single" || field.type == "double") {
     text += " type=\"Float\" precision=\"" + field.type + "\"";
+  } else if (field.type == "string") {
+    text += " type=\"String\"";
   } else {
     text += field.type == "scaled" ? " type=\"ScaledInteger\"" : " type=\"Integer\"";
     text += " minimum=\"" + std::to_string(field.minimum) + "\" maximum=\"" + std::to_string(field.maximum) + "\"";

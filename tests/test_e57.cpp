@@ -126,6 +126,19 @@ TEST(E57Files, AttributesOfSeveralScansAreOneColumn) {
   }
 }
 
+TEST(E57Files, WhatSomeScansLackAndTextAreTold) {
+  E57Scan labelled = floats("single");
+  labelled.fields.push_back({"label", "string", numbers(0, 1), 0, 1023, 1, 0, ""});
+  const Cloud cloud = parse_e57(make_e57({labelled, integers()}));
+  const std::vector<std::string> lost = losses(cloud, Format::csv);
+  const auto told = [&](const std::string& what) {
+    return std::ranges::any_of(lost, [&](const std::string& sentence) { return sentence.ends_with(what); });
+  };
+  EXPECT_TRUE(told("no place for the column of words 'label'"));
+  EXPECT_TRUE(told("the absence of 'intensity', 'rowIndex', 'columnIndex' in some scans, whose points get 0"));
+  EXPECT_TRUE(losses(cloud).empty());
+}
+
 // The whole file is what the generator makes of the moved coordinates.
 TEST(E57Files, OnlyTheBitsOfMovedCoordinatesChange) {
   for (const std::size_t piece : {5U, 97U, 4000U}) {

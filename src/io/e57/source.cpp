@@ -6,11 +6,14 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
 
+#include "io/coordinate_names.hpp"
 #include "io/e57/pages.hpp"
 #include "io/file_bytes.hpp"
 #include "io/formats.hpp"
 #include "io/no_points.hpp"
+#include "io/text.hpp"
 #include "portable.hpp"
 
 namespace pointfair::io {
@@ -224,7 +227,27 @@ std::vector<Content> E57Source::contents() const {
   if (const std::uint64_t directions = count_directions(); directions > 0)
     result.push_back(
         {ContentKind::records, "the direction of " + counted(directions, "point") + " without a distance"});
+  if (const std::string absent = absent_in_some(); !absent.empty())
+    result.push_back({ContentKind::records, "the absence of " + absent + " in some scans, whose points get 0"});
+  std::set<std::string> texts;
+  for (const ScanPoints& scan : scans_)
+    for (const Field& field : scan.fields)
+      if (field.kind == Field::Kind::other && texts.insert(field.name).second)
+        result.push_back({ContentKind::text, "the column of words " + io::quoted(field.name)});
   return result;
+}
+
+// Attributes of integers that have no value for the points of some scan.
+std::string E57Source::absent_in_some() const {
+  std::vector<std::string> absent;
+  for (const Column& column : columns_) {
+    const auto lacks = [&](const ScanPoints& scan) {
+      return std::ranges::find(scan.fields, column.name, name_of) == scan.fields.end();
+    };
+    const bool says_zero = column.name == kScanColumn || column.name.ends_with("InvalidState");
+    if (!says_zero && is_integer(column.type) && std::ranges::any_of(scans_, lacks)) absent.push_back(column.name);
+  }
+  return absent.empty() ? std::string() : listed(absent);
 }
 
 }  // namespace e57

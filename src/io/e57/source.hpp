@@ -64,6 +64,7 @@ class E57Source : public Source {
   }
   void find_columns();
   std::uint64_t count_directions() const;
+  std::string absent_in_some() const;
   /// The coordinates of records of a scan as all scans share them; NaN where the file says that they mean nothing.
   void read_positions(const ScanPoints& scan, std::uint64_t first, std::span<Position> out) const;
 
