@@ -131,7 +131,8 @@ class Names(Conversion):
     def test_letters_are_colours_where_all_three_are_there(self):
         for letters, kept in (("a,b,r", "a,b,r"), ("a,b,r,g", "alpha,blue,red,green")):
             values = ",7" * len(letters.split(","))
-            cloud = self.put("a.csv", f"x,y,z,{letters}\n" + "".join(row.replace(" ", ",") + values + "\n" for row in ROWS.splitlines()))
+            rows = "".join(row.replace(" ", ",") + values + "\n" for row in ROWS.splitlines())
+            cloud = self.put("a.csv", f"x,y,z,{letters}\n" + rows)
             for name in ("b.ply", "b.txt", "b.las"):
                 names, _ = self.columns(self.convert(cloud, name)[0])
                 self.assertLessEqual(set(kept.split(",")), set(names))

@@ -36,7 +36,8 @@ class Losses(Case):
 
     def test_a_cloud_that_las_cannot_hold_is_named(self):
         cloud = self.put("a.xyz", "nan 1 2\n" + ROWS)
-        self.fails(2, "run", cloud, self.path("b.las"), "--device", "cpu", says=["a.xyz: a LAS file holds finite coordinates only"])
+        says = ["a.xyz: a LAS file holds finite coordinates only"]
+        self.fails(2, "run", cloud, self.path("b.las"), "--device", "cpu", says=says)
 
     def test_strict_refuses_a_loss_before_the_run(self):
         mesh = self.put("a.obj", "".join("v " + row + "\n" for row in ROWS.splitlines()) + "f 1 2 12\n")
