@@ -141,4 +141,10 @@ TEST(FilesPcd, AnOrganisedFileTellsItsGridUntilPointsAreRemoved) {
   EXPECT_EQ(grid_of(parse(head + "WIDTH 6\nHEIGHT 1\nPOINTS 6\n" + data + rows, "c.pcd")), Grid(0, 0));
 }
 
+TEST(FilesPcd, ATypeThatIsNotKnownIsRefusedWithTheNextStep) {
+  expect_refused(
+      "FIELDS x y z i\nSIZE 4 4 4 2\nTYPE F F F F\nCOUNT 1 1 1 1\nWIDTH 1\nHEIGHT 1\nPOINTS 1\nDATA ascii\n0 0 0 1\n",
+      "a.pcd", "the field 'i' has a TYPE and SIZE that PCD does not know; save it as another type, such as F 4");
+}
+
 }  // namespace pointfair::test

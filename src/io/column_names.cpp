@@ -23,7 +23,7 @@ std::vector<std::string> component_names(const std::string& name, std::uint32_t 
 std::string one_word(std::string_view name) {
   std::string word(name);
   for (char& c : word)
-    if (c == ' ' || c == ',' || c == ';' || static_cast<unsigned char>(c) < 32) c = '_';
+    if (c == ' ' || c == ',' || c == ';' || c == '"' || static_cast<unsigned char>(c) < 32) c = '_';
   return word.empty() ? "unnamed" : word;
 }
 

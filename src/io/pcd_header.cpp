@@ -129,7 +129,9 @@ class HeaderParser {
     for (std::size_t f = 0; f < names_.size(); ++f) {
       const auto type = type_of(types_[f], sizes_[f]);
       const auto count = counts_.empty() ? std::optional<std::uint64_t>(1) : to_count(counts_[f]);
-      if (!type) fail(name_, "the field " + quoted(names_[f]) + " has a TYPE and SIZE that PCD does not know");
+      if (!type)
+        fail(name_, "the field " + quoted(names_[f]) +
+                        " has a TYPE and SIZE that PCD does not know; save it as another type, such as F 4");
       if (!count || *count == 0 || *count > 1'000'000)
         fail(name_, "the field " + quoted(names_[f]) + " has no sensible COUNT; correct the header");
       header_.fields.push_back({std::string(names_[f]), *type, static_cast<std::uint32_t>(*count)});

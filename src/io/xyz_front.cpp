@@ -32,13 +32,20 @@ struct Names {
   char separator = ' ';
 };
 
+// Within quotes two stand for one.
+std::string name_in(std::string_view word, bool is_quoted) {
+  std::string name(word);
+  for (std::size_t at = 0; is_quoted && (at = name.find("\"\"", at)) != std::string::npos; ++at) name.erase(at, 1);
+  return name;
+}
+
 // The names in a line whose words are separated so. A unit, "[m]", belongs to the name before it.
 Names names_in(std::string_view line, char separator) {
   Names result{line, {}, separator};
   for (const std::string_view word : words_of(line, separator)) {
     const bool unit =
         separator == ' ' && !result.names.empty() && word.size() > 2 && (word[0] == '[' || word[0] == '(');
-    if (!unit) result.names.emplace_back(word);
+    if (!unit) result.names.push_back(name_in(word, word.data() != line.data() && word.data()[-1] == '"'));
   }
   return result;
 }

@@ -118,14 +118,15 @@ class Names(Conversion):
         self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
     def test_names_that_are_no_words_are_told_and_differ(self):
-        header = 'x,y,z,"a,b","a;b",my attr,my_attr\n'
-        cloud = self.put("a.csv", header + "".join(row.replace(" ", ",") + ",1,2,3,4\n" for row in ROWS.splitlines()))
+        header = 'x,y,z,"a,b","a;b",my attr,my_attr,"say ""a"""\n'
+        cloud = self.put("a.csv", header + "".join(row.replace(" ", ",") + ",1,2,3,4,5\n" for row in ROWS.splitlines()))
         for name in ("b.ply", "b.pcd", "b.txt", "b.e57"):
             new, lost = self.convert(cloud, name)
             kind = name[2:].upper()
-            self.assertEqual(lost, [f"note: the attributes a,b, a;b, my attr get other names in {kind} files" + OWN_NAMES])
+            told = f'note: the attributes a,b, a;b, my attr, say "a" get other names in {kind} files'
+            self.assertEqual(lost, [told + OWN_NAMES])
             names, row = self.columns(new)
-            own = {"a_b": "1", "a_b_2": "2", "my_attr_2": "3", "my_attr": "4"}
+            own = {"a_b": "1", "a_b_2": "2", "my_attr_2": "3", "my_attr": "4", "say__a_": "5"}
             self.assertEqual({name: row[names.index(name)] for name in own}, own)
 
     def test_letters_are_colours_where_all_three_are_there(self):
