@@ -95,6 +95,14 @@ TEST(FilesConvert, IntensityStandsBeforeColoursInPts) {
   }
 }
 
+TEST(FilesConvert, OpacityGoesWithColoursWhereItLosesNothing) {
+  const auto as_ply = [](const std::string& second) {
+    return parse(image(parse("COFF\n2 0 0\n0 0 0 1 0 .2 1\n1 0 0 0 .4 1 " + second + "\n", "a.off"), Format::ply));
+  };
+  EXPECT_EQ(values<std::uint8_t>(as_ply(".6"), "alpha"), (std::vector<std::uint8_t>{255, 153}));
+  EXPECT_EQ(values<float>(as_ply(".123456"), "alpha"), (std::vector<float>{1, .123456F}));
+}
+
 TEST(FilesConvert, FacesGoToEveryMeshFormat) {
   const Cloud mesh = colored_mesh();
   for (const Format format : {Format::ply, Format::off, Format::obj}) {

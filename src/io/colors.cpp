@@ -23,6 +23,16 @@ void for_each_value(const TableColumn& channel, const Visit& visit) {
   });
 }
 
+// Opacity from 0 to 1 goes with such colours where no digit of it is lost.
+void use_byte_opacity(Table& table) {
+  const auto alpha = std::ranges::find(table.columns, "alpha", &TableColumn::name);
+  if (alpha == table.columns.end() || is_integer(alpha->type)) return;
+  const TableColumn* const opacity = &*alpha;
+  const ColorRange range = color_range({&opacity, 1});
+  if (range.factor != 255 || range.fine || range.missing > 0) return;
+  change_values(*alpha, NativeType::uint8, [](std::size_t, double value) { return 255 * value; });
+}
+
 }  // namespace
 
 ColorRange color_range(std::span<const TableColumn* const> channels) {
@@ -82,6 +92,7 @@ void use_color_depth(Table& table, ColorDepth depth) {
       return colors.has(i) ? 257 * range.factor * value : 65535.0;
     });
   }
+  if (range.factor == 255 && depth != ColorDepth::sixteen_bits) use_byte_opacity(table);
 }
 
 }  // namespace pointfair::io
