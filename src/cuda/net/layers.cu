@@ -136,6 +136,7 @@ __device__ __forceinline__ unsigned activation_bytes(unsigned low, unsigned high
   constexpr unsigned kToUpperByte = 1u << (8 - net::kSumShift);
   return __byte_perm(low * kToUpperByte, high * kToUpperByte, 0x7531);
 }
+
 struct None {};
 struct Gates {
   float of[net::kNeighbors * net::kGates * kGateRow];
