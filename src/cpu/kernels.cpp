@@ -8,6 +8,7 @@
 #include "cpu/hilbert.h"
 #include "cpu/method_loops.h"
 #include "cpu/pack.h"
+#include "cpu/sample_fields.h"
 #include "cpu/sample_fits.h"
 #include "cpu/search.h"
 #include "cpu/search_alone.h"
@@ -47,6 +48,7 @@ const Kernels kKernels = {
     child_gaps,
     leaf_distances,
     {noise_of_rounds<point::kFirstRow, 0, point::kFirstRounds>,
-     noise_of_rounds<point::kLastRow, point::kFirstRounds, point::kRounds>, residuals_of, beyond_two_sigmas}};
+     noise_of_rounds<point::kLastRow, point::kFirstRounds, point::kRounds>, residuals_of, beyond_two_sigmas,
+     mean_said, exponentials}};
 
 }  // namespace pointfair::cpu::POINTFAIR_ISA

@@ -158,8 +158,12 @@ void CudaBackend::download_input(std::span<Point> points) {
 Counts CudaBackend::counts(int iteration) {
   Chain& of = chain(iteration);
   context_.enter();
-  const CloudState state = fetched_iteration_ == iteration ? *fetched_.get() : of.state();
-  const Index valid = iteration == 0 ? state.valid : first_.state().valid;
+  const auto state_of = [&](int which) {
+    if (fetched_iteration_ == kNone || (which != 0 && which != fetched_iteration_)) return chain(which).state();
+    return fetched_.get()[which == 0 ? 0 : 1];
+  };
+  const CloudState state = state_of(iteration);
+  const Index valid = state_of(0).valid;
   Counts counts;
   counts.unmoved = {first_.points() - valid - copies_.all().size(), state.too_few_neighbors, state.no_normal};
   counts.unmoved.boundary = of.held_of_boundary();
@@ -291,7 +295,8 @@ void CudaBackend::deliver() {
 }
 
 void CudaBackend::finish_download(Chain& from, cudaEvent_t start, int iteration) {
-  from.fetch_state(fetched_.get());  // counts() then need not ask the card again
+  first_.fetch_state(fetched_.get());  // counts() then need not ask the card again
+  if (iteration > 0) from.fetch_state(fetched_.get() + 1);
   clock_.note("download", start);
   clock_.read();  // while the points are on their way
   deliver();

@@ -173,8 +173,8 @@ class CudaBackend final : public Backend,
   Context context_;
   StageClock clock_{context_};
   const std::size_t points_of_chunk_;  // 0: as plan_parts()
-  Pinned<CloudState> fetched_;
-  int fetched_iteration_ = kNone;  // whose state that is
+  Pinned<CloudState> fetched_{2};  // of the first iteration, and of the last
+  int fetched_iteration_ = kNone;  // the last one, or kNone where these are no longer so
   CloudSampler sampler_{context_};
   Pinned<Index> queries_;
   Pinned<point::SpacingSample> spacing_samples_;

@@ -31,24 +31,28 @@ using namespace constants;
 
 Frame frame_of(const CloudSample& sample) {
   if (sample.points.empty()) return {};
-  std::array<std::vector<double>, 3> axes;
-  for (const Point& p : sample.points) {
-    axes[0].push_back(p.x);
-    axes[1].push_back(p.y);
-    axes[2].push_back(p.z);
-  }
-  std::array<double, 3> low{};
+  std::array<float, 3> low{};
   double extent = 0, widest = 0;
+  std::vector<float> values(sample.points.size());
   for (std::size_t a = 0; a < 3; ++a) {
-    low[a] = quantile(axes[a], 0.02);
-    extent = std::max(extent, quantile(axes[a], 0.98) - low[a]);
-    const auto [least, most] = std::minmax_element(axes[a].begin(), axes[a].end());
-    widest = std::max(widest, *most - *least);
+    std::ranges::transform(sample.points, values.begin(), [a](const Point& p) {
+      return a == 0 ? p.x : a == 1 ? p.y : p.z;
+    });
+    const auto place_of = [&](double share) {
+      return values.begin() + std::ptrdiff_t(share * double(values.size() - 1));
+    };
+    const auto lower = place_of(0.02), upper = place_of(0.98);
+    std::nth_element(values.begin(), lower, values.end());
+    low[a] = *lower;
+    std::nth_element(lower, upper, values.end());
+    extent = std::max(extent, double{*upper} - low[a]);
+    const auto [least, most] = std::ranges::minmax(values);
+    widest = std::max(widest, double{most} - least);
   }
   if (!(extent > 0)) extent = widest;  // nearly all in one place
   // a fifth of the side lies below the reference point, and at least as much above what is between the quantiles
   const float side = extent > 0 ? float(portable::power_of_two_above(1.75 * extent)) : 0.0f;
-  return {sample.bounds.min, {float(low[0]), float(low[1]), float(low[2])}, side};
+  return {sample.bounds.min, {low[0], low[1], low[2]}, side};
 }
 
 namespace {

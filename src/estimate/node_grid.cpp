@@ -6,8 +6,8 @@
 
 #include "estimate/constants.hpp"
 #include "point/node_field.h"
-#include "portable.hpp"
 #include "seam/noise_levels.hpp"
+#include "seam/sample_fits.hpp"
 
 namespace pointfair {
 namespace {
@@ -24,17 +24,29 @@ struct Sums {
   Fields values;
 };
 
+// The places that have a share in the nodes of each z, in their own order.
+std::vector<std::vector<std::uint32_t>> places_of_slabs(const std::vector<Point>& places,
+                                                        const point::NodeField& grid) {
+  std::vector<std::vector<std::uint32_t>> of_slabs(std::size_t(grid.nodes));
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    const auto below = std::size_t(point::node_place(grid, places[i].z, grid.first.z).below);
+    of_slabs[below].push_back(std::uint32_t(i));
+    of_slabs[below + 1].push_back(std::uint32_t(i));
+  }
+  return of_slabs;
+}
+
 // The nodes of one z. Each place has a trilinear share in eight nodes.
-Sums slab_of(const std::vector<Point>& places, const Fields& values, const point::NodeField& grid, int z) {
+Sums slab_of(const std::vector<std::uint32_t>& in_slab, const std::vector<Point>& places, const Fields& values,
+             const point::NodeField& grid, int z) {
   Sums slab(std::size_t(grid.nodes) * grid.nodes, values.size());
   const auto share = [](const point::NodePlace& along, bool after) {
     return after ? double(along.above) : 1 - double(along.above);
   };
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    const point::NodePlace along_z = point::node_place(grid, places[i].z, grid.first.z);
-    if (z != along_z.below && z != along_z.below + 1) continue;
+  for (const std::uint32_t i : in_slab) {
     const point::NodePlace along_x = point::node_place(grid, places[i].x, grid.first.x),
-                           along_y = point::node_place(grid, places[i].y, grid.first.y);
+                           along_y = point::node_place(grid, places[i].y, grid.first.y),
+                           along_z = point::node_place(grid, places[i].z, grid.first.z);
     for (int corner = 0; corner < 4; ++corner) {
       const bool right = corner & 1, up = corner & 2;
       const double its = share(along_x, right) * share(along_y, up) * share(along_z, z > along_z.below);
@@ -127,8 +139,10 @@ std::vector<NodeLevels> levels_between(const std::vector<Point>& places,
   // The nodes themselves are summed twice, slab by slab, since so many at once are new to each cache.
   std::vector<Level> levels;  // the finest first
   for (int n = grid.nodes / 2; n > 0; n /= 2) levels.emplace_back(n, fields);
+  const auto in_slabs = places_of_slabs(places, grid);
+  const auto slab = [&](std::size_t z) { return slab_of(in_slabs[z], places, log_levels, grid, int(z)); };
   for_each(nodes / 2, [&](std::size_t pair) {
-    for (int z = 2 * int(pair); z < 2 * int(pair) + 2; ++z) levels[0].push(slab_of(places, log_levels, grid, z), 0, z);
+    for (std::size_t z = 2 * pair; z < 2 * pair + 2; ++z) levels[0].push(slab(z), 0, int(z));
   });
   for (std::size_t level = 1; level < levels.size(); ++level)
     for (int z = 0; z < levels[level - 1].n; ++z)
@@ -138,13 +152,12 @@ std::vector<NodeLevels> levels_between(const std::vector<Point>& places,
   for (std::size_t level = levels.size() - 1; level > 0; --level) levels[level].pull(levels[level - 1]);
   for (NodeLevels& result : results) result.levels.resize(size * nodes);
   for_each(nodes, [&](std::size_t z) {
-    const Sums slab = slab_of(places, log_levels, grid, int(z));
+    const Sums sums = slab(z);
     double means[kMostNodes];
     for (std::size_t f = 0; f < fields; ++f)
       for (std::size_t y = 0; y < nodes; ++y) {
-        levels[0].pull_row(slab, y * nodes, f, int(y), int(z), means);
-        float* const row = &results[f].levels[z * size + y * nodes];
-        for (std::size_t x = 0; x < nodes; ++x) row[x] = float(portable::exp_within_700(means[x]));
+        levels[0].pull_row(sums, y * nodes, f, int(y), int(z), means);
+        sample_fits().exponentials(means, nodes, &results[f].levels[z * size + y * nodes]);
       }
   });
   return results;

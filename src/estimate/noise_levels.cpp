@@ -14,6 +14,7 @@
 #include "estimate/node_grid.hpp"
 #include "estimate/quantile.hpp"
 #include "portable.hpp"
+#include "seam/sample_fits.hpp"
 
 namespace pointfair {
 namespace {
@@ -128,6 +129,7 @@ Curve curve_of(std::span<const std::uint32_t> pool, const std::vector<Shown>& sh
 }
 
 constexpr std::size_t kSteps = kMostShape - kLeastShape + 1, kModels = kShapePowers.size() * kSteps;
+static_assert(kModels <= CurveModels::kMost && kSizes == CurveModels::kValues);
 using OfModels = std::array<double, kModels>;
 
 const double kPriorWeight = 1 / (4 * kSpread * kSpread);  // of the typical noise
@@ -194,21 +196,9 @@ double noise_of(const Curve& curve, double log_typical) {
   Curve pull;  // of each size on the misfit
   for (std::size_t size = 0; size < kSizes; ++size) pull[size] = 2 * fit.weight[size] * (logs[size] - mean);
   const std::array<OfModels, kSizes>& rows = models().logs;
-  OfModels misfit = fit.misfit;  // but for what all models share
-  for (std::size_t size = 0; size < kSizes; ++size)
-    for (std::size_t n = 0; n < kModels; ++n) misfit[n] -= pull[size] * rows[size][n];
-  const double best = *std::ranges::min_element(misfit);
-  // one thing a loop, so that compilers make vectors of each
-  constexpr double kNextToNone = -690;  // its exponential is lost beside the best one's, which is 1
-  OfModels likelihood;
-  for (std::size_t n = 0; n < kModels; ++n) likelihood[n] = std::max(-0.5 * (misfit[n] - best), kNextToNone);
-  for (double& its : likelihood) its = portable::exp_within_700(its);
-  double sum = 0, all_likelihoods = 0;
-  for (std::size_t n = 0; n < kModels; ++n) {
-    sum += likelihood[n] * fit.noise[n];
-    all_likelihoods += likelihood[n];
-  }
-  return portable::exp(0.5 * mean) * (sum / all_likelihoods);
+  const CurveModels curves{
+      kModels, fit.misfit.data(), {rows[0].data(), rows[1].data(), rows[2].data(), rows[3].data()}, fit.noise.data()};
+  return portable::exp(0.5 * mean) * sample_fits().mean_said(curves, pull.data());
 }
 
 // Shrinks the logarithms of levels by the share of their spread that chance makes.
@@ -234,9 +224,9 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double most,
   const std::vector<Shown> shown = shown_by(samples);
   const double log_cloud = portable::log(typical);
   std::vector<double> noise(samples.places.size()), log_levels(noise.size());
-  for_each(noise.size(),
-           [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), log_cloud); });
-  for_each(noise.size(), [&](std::size_t i) {
+  for_places(noise.size(), for_each,
+             [&](std::size_t i) { noise[i] = noise_of(curve_of(samples.pool(i), shown, typical), log_cloud); });
+  for_places(noise.size(), for_each, [&](std::size_t i) {
     const double median = median_known(samples.near(i), noise);
     log_levels[i] = std::isnan(median) ? 0 : portable::log(std::min(median, most) / typical);
   });
@@ -244,7 +234,7 @@ LocalNoise local_noise(const LocalSamples& samples, double typical, double most,
   const double log_typical = quantile(log_levels, 0.5);
   const double largest = portable::log(kLargestLevel);
   typical *= portable::exp(log_typical);
-  for_each(noise.size(), [&](std::size_t i) {
+  for_places(noise.size(), for_each, [&](std::size_t i) {
     log_levels[i] = std::clamp(log_levels[i] - log_typical, -largest, largest);
     noise[i] = typical * portable::exp(log_levels[i]);
   });

@@ -55,16 +55,17 @@ std::vector<double> log_reach_levels(const LocalSamples& samples, const std::vec
   const std::size_t count = samples.places.size();
   std::vector<Risks> risks(count);
   std::vector<double> log_levels(count), smooth(count);
-  for_each(count, [&](std::size_t i) { risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]); });
+  for_places(count, for_each,
+             [&](std::size_t i) { risks[i] = risks_of(samples.residuals[i].planes, noise[i] * noise[i]); });
   const double farthest = portable::log(kWidestReach),
                unchanged = portable::log(std::max<double>(kReachPoints, surface_points));
-  for_each(count, [&](std::size_t i) {
+  for_places(count, for_each, [&](std::size_t i) {
     // a neighbourhood holds as many points as its area is large
     const double log_level = (log_best_count(mean_of(samples.pool(i), risks)) - unchanged) / 2;
     const double fading = share_between(0, kNoiseOfWidth, noise[i] / samples.noise[i].spacing);
     log_levels[i] = (1 - fading) * std::clamp(log_level, -farthest, farthest);
   });
-  for_each(count, [&](std::size_t i) { smooth[i] = median_known(samples.near(i), log_levels); });
+  for_places(count, for_each, [&](std::size_t i) { smooth[i] = median_known(samples.near(i), log_levels); });
   return smooth;
 }
 
